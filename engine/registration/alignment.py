@@ -190,6 +190,17 @@ class Refinement:
                 return Steps(pose, pairs, used, True)
         return Steps(pose, pairs, used, False)
 
+    def settled(
+        self, pose: Pose, sources: tuple[Index, Index], found: Information, limit: int, progress: Progress, error: float
+    ) -> Steps:
+        """Newton's steps, and where they do not end those of Gauss and Newton from the same ``pose``."""
+        taken = self.steps(pose, sources, found, min(limit, _MAX_NEWTON_STEPS), progress, error=error, newton=True)
+        if taken.converged:
+            return taken
+        # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
+        again = self.steps(pose, sources, found, min(limit, 2 * _MAX_NEWTON_STEPS), progress, error=error)
+        return replace(again, used=taken.used + again.used)
+
 
 def observe(matcher: Matcher, pose: Pose, scale: float, offset: float, progress: Progress) -> Information:
     """What the surfaces fix at a pose that another method found, where their noise is ``scale`` metres."""
@@ -213,11 +224,7 @@ def refine(last: Refinement, pose: Pose, offset: float, limit: int, progress: Pr
     if not found.observable.all():
         # motions that the surfaces do not fix stay as surveyed
         pose = Pose.from_vector(found.held(pose.vector(matcher.radius)), matcher.radius)
-    taken = last.steps(pose, sources, found, min(limit, _MAX_NEWTON_STEPS), progress, error=error, newton=True)
-    if not taken.converged:
-        # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
-        again = last.steps(pose, sources, found, min(limit, 2 * _MAX_NEWTON_STEPS), progress, error=error)
-        taken = replace(again, used=taken.used + again.used)
+    taken = last.settled(pose, sources, found, limit, progress, error)
     found = last.information(folds, taken.pairs, offset)
     return Alignment(taken.pose, last.scale, matcher.radius, taken.used, taken.converged, found)
 
@@ -241,7 +248,8 @@ def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: 
         if not found.information.observable.all():
             continue
         found = replace(found, information=found.information.wider(moving.unseen), slid=moving.slid)
-        if moving.certain or (found.converged and _apart(first, found) > _MIN_APART):
+        pulled = found.converged and moving.along(first.pose, found.pose) and _apart(first, found) > _MIN_APART
+        if moving.certain or pulled:
             return found
     return first
 
@@ -258,7 +266,7 @@ def _without(last: Refinement, first: Alignment, offset: float, progress: Progre
     folds = last.curvature(first.pose, progress)
     found = last.information(folds, last.matcher.match(first.pose, sources, last.reach), offset)
     error = float(np.sqrt(np.trace(found.observable_covariance)))
-    taken = last.steps(first.pose, sources, found, _MAX_NEWTON_STEPS, progress, error=error, newton=True)
+    taken = last.settled(first.pose, sources, found, 2 * _MAX_NEWTON_STEPS, progress, error)
     return replace(
         first,
         pose=taken.pose,

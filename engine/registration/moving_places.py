@@ -27,6 +27,7 @@ _POSES = 3
 _DOUBTFUL_DEVIATIONS = 4.5  # standard deviations of a window's motion; where none is beyond, nothing is looked for
 _MIN_STEP_M = 1e-3  # of all windows together, below which they are not drawn again
 _MIN_PULL_M = 1e-3  # of the whole; less is not worth leaving anything out
+_MAX_ACROSS_RATIO = 0.3  # of a pull: its part along the normal by all of it
 _MAX_SHARE = 0.6  # of the surface: more is not the exception
 
 
@@ -58,6 +59,7 @@ class Moving:
     Attributes:
         pose: on which all other places agree.
         places: the weights of all.
+        normal: (k, 3) of each of them; its length is the area.
         slid: share of the surface's area that slid along itself.
         certain: whether nothing but what slid is left out; else it may have sunk, and need not pull.
         unseen: (6, 6) covariance of the pull by another slide, which chance hides, and of what patches that lie
@@ -66,9 +68,18 @@ class Moving:
 
     pose: Pose
     places: Places
+    normal: Float
     slid: float
     certain: bool
     unseen: Float
+
+    def along(self, first: Pose, other: Pose) -> bool:
+        """Whether two poses differ along the surface, and hardly in its heights, as by the pull of a slide."""
+        away = other.apply(self.places.centre) - first.apply(self.places.centre)
+        area = np.linalg.norm(self.normal, axis=1)
+        whole = np.average((away**2).sum(axis=1), weights=area)
+        across = np.average(np.einsum("ij,ij->i", away, self.normal / area[:, None]) ** 2, weights=area)
+        return bool(across < _MAX_ACROSS_RATIO**2 * whole)
 
 
 def moving_places(matcher: Matcher, pose: Pose, known: Information) -> tuple[Moving, ...]:
@@ -100,6 +111,7 @@ def moving_places(matcher: Matcher, pose: Pose, known: Information) -> tuple[Mov
         Moving(
             at,
             Places(windows.centre, np.where(out, 0.0, 1.0), patches.width),
+            windows.normal,
             slid,
             certain,
             unseen(windows, np.where(out, 0.0, 1.0), fixed) + alike(windows, np.where(out, 0.0, 1.0), fixed),

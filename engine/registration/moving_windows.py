@@ -26,9 +26,6 @@ ALONG, FREE = (3, 4), (5, 0, 1)  # of a window's motion: along the surface; offs
 _CUTOFF = 4.0  # standard deviations of a window's motion from which it has no weight
 _START_ROUNDS, _ROUNDS = 12, 20
 _CHANCE_QUANTILE, _CHANCE_VALUE = 0.3, 0.7133  # of the square of two normal numbers; up to half of the windows may move
-_MAX_CHANCE_RATIO = (
-    12.0  # by what points that err alone make; measured, 3 to 10 where nothing moved, to 90 where much did
-)
 _MIN_INFORMATION_RATIO = 0.2  # of the median window's, below which it is noise
 _MIN_DEVIATION_M = 2e-4  # of a window's motion; no two surveys agree better
 
@@ -38,8 +35,7 @@ class Slides:
     """Windows of one radius about each patch: the motion along the surface that each asks for.
 
     ``information`` (k, 2, 2), offset and tilts taken out, and its ``inverse`` where it is no noise; ``score`` (k, 2) at
-    no motion; ``along`` (k, 2, 6) the window's motion by that of the whole; ``enough`` patches are in it. ``noise`` is
-    as of ``Windows``.
+    no motion; ``along`` (k, 2, 6) the window's motion by that of the whole; ``enough`` patches are in it.
     """
 
     information: Float
@@ -47,7 +43,6 @@ class Slides:
     score: Float
     along: Float
     enough: Bool
-    noise: float
 
     def squared(self, motion: Float) -> Float:
         """(k,) squared distance of what windows ask for from a motion (6,), in the variances that their points give."""
@@ -60,8 +55,7 @@ class Slides:
         if not self.enough.any():
             return 1.0
         least = _MIN_DEVIATION_M**2 / float(np.median(np.trace(self.inverse[self.enough], axis1=1, axis2=2)) / 2)
-        seen = float(np.quantile(self.squared(motion)[self.enough], _CHANCE_QUANTILE)) / _CHANCE_VALUE
-        return max(min(seen, _MAX_CHANCE_RATIO * self.noise), least)
+        return max(float(np.quantile(self.squared(motion)[self.enough], _CHANCE_QUANTILE)) / _CHANCE_VALUE, least)
 
 
 @dataclass(frozen=True)
@@ -69,8 +63,7 @@ class Windows:
     """Patches with their equations ``matrix`` (k, 6, 6) and ``vector`` (k, 6) in units of their noise.
 
     ``centre`` and ``normal`` (k, 3; its length is the area) are theirs; ``width`` and ``radius``, by which turns are
-    scaled, are metres. ``noise`` is what a window's motion would vary by if all points erred alone, in the variances
-    that its matrix gives. Windows are drawn about each patch.
+    scaled, are metres. Windows are drawn about each patch.
     """
 
     centre: Float
@@ -80,7 +73,6 @@ class Windows:
     vector: Float
     width: float
     radius: float
-    noise: float
 
     @classmethod
     def of(cls, system: Equations, patches: Patches, pose: Pose, radius: float) -> Windows | None:
@@ -90,20 +82,18 @@ class Windows:
             return None
         noise = np.maximum(system.rest[some], float(np.median(system.rest[some])) / 4)
         share = patches.area[some] / np.maximum(noise, 1e-12)
-        unit = float(share.mean())
-        share /= unit
+        share /= share.mean()
         matrix, vector = share[:, None, None] * system.matrix[some], share[:, None] * system.vector[some]
         centre, normal = pose.apply(patches.centre[some]), patches.normal[some] @ pose.rotation.T
         normal = normal * np.where(normal[:, 2:] < 0, -1.0, 1.0) * patches.area[some, None]
-        alone = float(np.median(patches.area[some] / system.pairs[some])) / unit
-        return cls(centre, normal, patches.area[some], matrix, vector, patches.width, radius, alone)
+        return cls(centre, normal, patches.area[some], matrix, vector, patches.width, radius)
 
     def chosen(self, some: Index) -> Windows:
         """Of the patches with the numbers ``some`` alone."""
         centre, normal, area, matrix, vector = (
             one[some] for one in (self.centre, self.normal, self.area, self.matrix, self.vector)
         )
-        return Windows(centre, normal, area, matrix, vector, self.width, self.radius, self.noise)
+        return Windows(centre, normal, area, matrix, vector, self.width, self.radius)
 
     @cached_property
     def _pairs(self) -> tuple[Float, NDArray[np.int64]]:
@@ -142,7 +132,7 @@ class Windows:
         enough = np.asarray(near.sum(axis=1)).ravel() >= _MIN_WINDOW_PATCHES
         least = _MIN_INFORMATION_RATIO * float(np.median(values[enough])) if enough.any() else 0.0
         inverse = axes @ (axes / np.maximum(values, max(least, 1e-12))[:, None, :]).transpose(0, 2, 1)
-        return Slides(information, inverse, score, frame.transpose(0, 2, 1)[:, :2] @ along, enough, self.noise)
+        return Slides(information, inverse, score, frame.transpose(0, 2, 1)[:, :2] @ along, enough)
 
     def solved(self, weight: Float, fixed: Float) -> Float:
         """(6,) motion in the ``fixed`` directions (6, r) that suits the patches best by ``weight`` (k,)."""

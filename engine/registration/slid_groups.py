@@ -60,6 +60,9 @@ def contradicting(windows: Windows, found: Consensus, fixed: Float) -> Contradic
         fixed: (6, r) the directions that the surfaces fix.
     """
     groups = _groups(windows, found, _DEVIATIONS)
+    if windows.area[groups.others].sum() >= windows.area[groups.slid].sum():
+        # what sank turns and shifts the rest, so that some of it seems to slide
+        return Contradicting(np.zeros_like(groups.slid), groups.slid | groups.others)
     slid = groups.slid.copy()
     for _ in range(_ROUNDS if slid.any() else 0):
         rest = np.flatnonzero(~slid)

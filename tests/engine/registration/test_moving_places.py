@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.registration import alignment
-from slopewatch.engine.registration.moving_places import Places
+from slopewatch.engine.registration.moving_places import Moving, Places
 from slopewatch.engine.registration.moving_windows import Windows, consensus
 from slopewatch.engine.registration.register import register
 from slopewatch.engine.registration.slid_groups import common_motion, contradicting
@@ -275,3 +275,16 @@ def test_weights_are_those_of_the_nearest_place():
     asked = (np.floor(rng.uniform(-40, 40, (500, 3))) + 0.5) / 2
     nearest = np.argmin(((asked[:, None] - centre[None]) ** 2).sum(axis=2), axis=1)
     assert np.array_equal(places.at(asked), places.weight[nearest])
+
+
+def test_a_pull_lies_along_the_surface_and_a_tilt_does_not():
+    rng = np.random.default_rng(6)
+    centre = np.column_stack([rng.uniform(-20, 20, (100, 2)), np.zeros(100)])
+    normal = np.tile([0.0, 0.0, 2.0], (100, 1))
+    moving = Moving(
+        Pose.identity(), Places(centre, np.ones(100), 1.0), normal, slid=0.0, certain=False, unseen=np.eye(6)
+    )
+    first = Pose.identity().moved(np.array([1e-3, 0.0, 0.0, 0.1, 0.2, 0.3]), 10.0)
+    assert moving.along(first, first.moved(np.array([0.0, 0.0, 0.0, 0.02, 0.01, 0.004]), 10.0))
+    assert not moving.along(first, first.moved(np.array([0.0, 0.0, 0.0, 0.02, 0.01, 0.01]), 10.0))
+    assert not moving.along(first, first.moved(np.array([0.01, 0.0, 0.0, 0.01, 0.0, 0.0]), 10.0))
