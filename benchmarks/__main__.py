@@ -22,6 +22,7 @@ NAMES = {
     "real_ground": "The ground of real vegetation, and other methods",
     "plants": "Simulated and real plants",
     "registration": "Registration",
+    "sliding_part": "Registration where a part of the slope slid along itself",
     "moving_pieces": "Registration where most of the surface has moved",
     "gridding": "Gridding",
     "m3c2": "M3C2",

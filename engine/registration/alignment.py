@@ -12,6 +12,7 @@ from ..core.errors import InputError
 from ..core.progress import Progress
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
+from .moving_places import Places, moving_places
 from .observability import Estimate, Information, curvature_folds, estimate, information, probing_motions
 from .point_to_plane import TUKEY, Matcher, Pairs, regional_weights, tukey_weights
 from .restarts import MIN_PAIRS, Descent, Limits, descend, reconsider
@@ -23,13 +24,15 @@ _MANY_SOURCES, _ALL_SOURCES = 75_000, 150_000
 _MAX_PRECISE_ERROR_M = 1e-3  # metres; with a smaller standard error of the position there is no need of all points
 _MIN_POINTS = 400  # of a coarse level
 _MAX_NEWTON_STEPS = 12
+_MIN_APART = 2.0  # standard errors; what changes a motion less when left out has not pulled it
 
 
 @dataclass(frozen=True)
 class Alignment:
     """``pose`` moves the moving surface onto the reference; ``scale`` (m) is the noise of its residuals.
 
-    ``radius`` (m) scales rotations in ``information``.
+    ``radius`` (m) scales rotations in ``information``. ``slid`` is the share of the surface that was left out because
+    it moved along itself.
     """
 
     pose: Pose
@@ -38,6 +41,7 @@ class Alignment:
     iterations: int
     converged: bool
     information: Information
+    slid: float = 0.0
 
 
 def levels(voxel: float, offset: float) -> list[float]:
@@ -90,11 +94,12 @@ class Steps:
 @dataclass(frozen=True)
 class Refinement:
     """The end of a registration, at the final ``scale`` (m) of the residuals; places that have changed are left out as
-    a whole.
+    a whole, and those that moved along the surface by the weights of ``places``.
     """
 
     matcher: Matcher
     scale: float
+    places: Places | None = None
 
     @property
     def reach(self) -> float:
@@ -111,7 +116,8 @@ class Refinement:
         return max(10 * self.matcher.spacing, TUKEY * self.scale)
 
     def weights(self, pairs: Pairs) -> Float:
-        return tukey_weights(pairs.residual, self.scale) * regional_weights(pairs, self.scale, self._block)
+        weight = tukey_weights(pairs.residual, self.scale) * regional_weights(pairs, self.scale, self._block)
+        return weight if self.places is None else weight * self.places.at(pairs.place)
 
     def curvature(self, pose: Pose, progress: Progress) -> Float:
         """``observability.curvature_folds`` at a pose."""
@@ -184,6 +190,17 @@ class Refinement:
                 return Steps(pose, pairs, used, True)
         return Steps(pose, pairs, used, False)
 
+    def settled(
+        self, pose: Pose, sources: tuple[Index, Index], found: Information, limit: int, progress: Progress, error: float
+    ) -> Steps:
+        """Newton's steps, and where they do not end those of Gauss and Newton from the same ``pose``."""
+        taken = self.steps(pose, sources, found, min(limit, _MAX_NEWTON_STEPS), progress, error=error, newton=True)
+        if taken.converged:
+            return taken
+        # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
+        again = self.steps(pose, sources, found, min(limit, 2 * _MAX_NEWTON_STEPS), progress, error=error)
+        return replace(again, used=taken.used + again.used)
+
 
 def observe(matcher: Matcher, pose: Pose, scale: float, offset: float, progress: Progress) -> Information:
     """What the surfaces fix at a pose that another method found, where their noise is ``scale`` metres."""
@@ -207,13 +224,56 @@ def refine(last: Refinement, pose: Pose, offset: float, limit: int, progress: Pr
     if not found.observable.all():
         # motions that the surfaces do not fix stay as surveyed
         pose = Pose.from_vector(found.held(pose.vector(matcher.radius)), matcher.radius)
-    taken = last.steps(pose, sources, found, min(limit, _MAX_NEWTON_STEPS), progress, error=error, newton=True)
-    if not taken.converged:
-        # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
-        again = last.steps(pose, sources, found, min(limit, 2 * _MAX_NEWTON_STEPS), progress, error=error)
-        taken = replace(again, used=taken.used + again.used)
+    taken = last.settled(pose, sources, found, limit, progress, error)
     found = last.information(folds, taken.pairs, offset)
     return Alignment(taken.pose, last.scale, matcher.radius, taken.used, taken.converged, found)
+
+
+def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: Progress) -> Alignment:
+    """``first`` where nothing slid; else without the places that slid along the surface against the rest, and with the
+    error that slides make which are too small to be seen. Places that sank are left out where they pulled.
+
+    Args:
+        offset: largest expected one, metres.
+    """
+    if not first.information.observable.all():
+        return first
+    progress.update(0.95, "looking for places that slid")
+    for moving in moving_places(matcher, first.pose, first.information):
+        last = Refinement(matcher, first.scale, moving.places)
+        try:
+            found = _without(last, replace(first, pose=moving.pose), offset, progress)
+        except InputError:  # too little is left
+            continue
+        if not found.information.observable.all():
+            continue
+        found = replace(found, information=found.information.wider(moving.unseen), slid=moving.slid)
+        pulled = found.converged and moving.along(first.pose, found.pose) and _apart(first, found) > _MIN_APART
+        if moving.certain or pulled:
+            return found
+    return first
+
+
+def _apart(first: Alignment, found: Alignment) -> float:
+    """How many standard errors of ``found`` two alignments are apart."""
+    away = found.pose.vector(found.radius) - first.pose.vector(found.radius)
+    return float(np.sqrt(away @ np.linalg.solve(found.information.covariance, away)))
+
+
+def _without(last: Refinement, first: Alignment, offset: float, progress: Progress) -> Alignment:
+    """``first`` by all places but those that moved along the surface."""
+    sources = last.matcher.sample(_MANY_SOURCES)
+    folds = last.curvature(first.pose, progress)
+    found = last.information(folds, last.matcher.match(first.pose, sources, last.reach), offset)
+    error = float(np.sqrt(np.trace(found.observable_covariance)))
+    taken = last.settled(first.pose, sources, found, 2 * _MAX_NEWTON_STEPS, progress, error)
+    return replace(
+        first,
+        pose=taken.pose,
+        iterations=first.iterations + taken.used,
+        converged=taken.converged,
+        information=last.information(folds, taken.pairs, offset),
+    )
 
 
 def _require(pairs: Pairs) -> None:

@@ -16,7 +16,7 @@ from ...interface.parameters import RegistrationParameters
 from ..core.arrays import Float, Index
 from ..core.progress import Progress
 from ..geometry.pose import Pose
-from .alignment import Alignment, Refinement, align
+from .alignment import Alignment, Refinement, align, without_slides
 from .observability import Information
 from .point_to_plane import Matcher, Pairs
 from .restarts import Descent, Limits, descend
@@ -72,7 +72,7 @@ def align_bare(
     bare = ground.bare
     if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _MIN_POINTS:
         return None
-    found = align(bare, parameters, progress)
+    found = without_slides(bare, align(bare, parameters, progress), parameters.maximum_offset, progress)
     if found.information.observable.all():
         return found
     return _completed(found, whole, ground, parameters.maximum_offset, progress)

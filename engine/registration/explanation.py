@@ -15,6 +15,7 @@ from .rival_parts import caution
 _MAX_NORMAL_SHIFT_M = 0.15
 _MIN_OVERLAP_SHARE = 0.2
 _MIN_STABLE_SHARE = 0.5  # share of stable ground below which most of a surface has moved
+_MIN_SLID_SHARE = 0.01  # of the surface, above which the user hears of it
 _MAX_PLANT_ERROR_M = 0.02  # metres of error caused by plants, above which the user is warned
 
 
@@ -41,6 +42,12 @@ def explain(
             "moved."
         )
     sentences.append(_about_stable_ground(found, parameters))
+    alignment = found.solution.alignment
+    if alignment is not None and alignment.slid > _MIN_SLID_SHARE:
+        sentences.append(
+            f"{alignment.slid:.0%} of the surface moved along itself against the rest and is left out of the "
+            "registration."
+        )
     if unobservable:
         there = (
             "what the icp method found there is chance" if parameters.method == "icp" else "there they stay as surveyed"

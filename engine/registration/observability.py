@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,12 @@ class Information:
         motion = fixed @ (fixed.T @ vector)
         dear = np.repeat([_SHIFT_PER_TURN**2, 1.0], 3)[:, None] * free
         return np.asarray(motion - free @ np.linalg.solve(free.T @ dear, dear.T @ motion))
+
+    def wider(self, covariance: Float) -> Information:
+        """With another error (6, 6) of the observable directions added, square metres."""
+        fixed = self.directions[:, self.observable]
+        project = fixed @ fixed.T
+        return replace(self, covariance=self.covariance + project @ covariance @ project)
 
     @property
     def observable_covariance(self) -> Float:

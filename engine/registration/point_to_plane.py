@@ -82,6 +82,11 @@ class Matcher:
         return self.given_radius or self.reference.radius
 
     @property
+    def knows_plants(self) -> bool:
+        """Whether either surface's points record the plants over them."""
+        return self.reference.plants is not None or self.moving.plants is not None
+
+    @property
     def spacing(self) -> float:
         """Of the points of the sparser surface, metres."""
         return max(self.reference.spacing, self.moving.spacing)

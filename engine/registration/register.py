@@ -14,7 +14,7 @@ from ..core.errors import InputError
 from ..core.progress import Progress
 from ..geometry.pose import Pose
 from ..pointcloud.plant_cover import PlantCover
-from .alignment import Alignment, align
+from .alignment import Alignment, align, without_slides
 from .bare_ground import Covered, align_bare, divide, offset_of_covered
 from .checks import check_overlap, check_points, check_shape, inside
 from .explanation import explain
@@ -69,10 +69,9 @@ def register(
         solution = _solve(a, b, tree, matcher, parameters, progress)
     progress.update(0.8, "measuring the agreement")
     found = measured(solution, matcher, parameters, stable is not None, progress)
-    ground = divide(matcher) if parameters.method == "robust" else None
-    if ground is not None and solution.alignment is not None:
+    if solution.alignment is not None and matcher.knows_plants:
         with progress.stage(0.82, 0.88):
-            found = _surer(found, solution.alignment, ground, parameters, stable is not None, progress)
+            found = _with_plants(found, solution.alignment, matcher, parameters, stable is not None, progress)
     if parameters.method == "robust" and stable is None:
         with progress.stage(0.88, 0.95):
             found = on_what_stayed(found, solution.alignment, matcher, parameters, progress)
@@ -102,13 +101,36 @@ def _solve(
             progress=progress,
         )
     if parameters.method == "robust":
-        return of_alignment(align(matcher, parameters, progress))
+        found = align(matcher, parameters, progress)
+        # what slid is looked for once, on the ground that is registered by in the end
+        later = matcher.knows_plants
+        return of_alignment(found if later else without_slides(matcher, found, parameters.maximum_offset, progress))
     return Solution(Pose.identity())
 
 
 def _surface(xyz: Float, plants: PlantCover | None, parameters: RegistrationParameters) -> Surface:
     error = None if plants is None else np.asarray(plants.error, dtype=np.float64)
     return Surface(xyz, parameters.registration_voxel, error)
+
+
+def _with_plants(
+    found: Measured,
+    alignment: Alignment,
+    matcher: Matcher,
+    parameters: RegistrationParameters,
+    stable_given: bool,
+    progress: Progress,
+) -> Measured:
+    """By all ground or by bare ground alone, without what slid."""
+    ground = divide(matcher)
+    if ground is not None:
+        found = _surer(found, alignment, ground, parameters, stable_given, progress)
+    if found.bare or found.solution.left:
+        return found
+    rests = without_slides(matcher, alignment, parameters.maximum_offset, progress)
+    if rests is alignment:
+        return found
+    return replace(measured(of_alignment(rests), matcher, parameters, stable_given, progress), ground=found.ground)
 
 
 def _surer(
@@ -175,6 +197,7 @@ def _result(
         registration_error=found.error,
         warnings=explain(found, parameters, shift, names, stable_given=stable_given),
         plants=plants,
+        slid=0.0 if solution.alignment is None else solution.alignment.slid,
     )
 
 

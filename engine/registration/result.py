@@ -62,6 +62,7 @@ class RegistrationResult:
         warnings: sentences for the user.
         plants: None where the clouds record no plants.
         registered_points: of either survey, where not all were taken.
+        slid: share of the surface that was left out because it moved along itself against the rest.
     """
 
     transform: RigidTransform
@@ -84,6 +85,7 @@ class RegistrationResult:
     warnings: tuple[str, ...]
     plants: PlantsInRegistration | None = None
     registered_points: tuple[int, int] | None = None
+    slid: float = 0.0
 
     @property
     def improvement(self) -> float:
@@ -137,6 +139,7 @@ class RegistrationResult:
             "bend_before_m": None if self.bend is None else self.bend.before,
             "bend_after_m": None if self.bend is None else self.bend.after,
             **({} if self.plants is None else self.plants.facts()),
+            **({"slid_share": self.slid} if self.slid else {}),
             **({} if self.registered_points is None else {"registered_points": list(self.registered_points)}),
             "pieces": self.transform.correction.facts() if isinstance(self.transform, BentTransform) else None,
         }
