@@ -59,7 +59,7 @@ def moved_zones_of(
     """
     if not settings.movement.movement:
         return None
-    registered = surveys.registered
+    registered, largest = surveys.registered, settings.displacement.largest_motion
     with run.step("movement", 0.5, 0.55, "measuring what the zones did") as entry:
         if not registered.known:
             run.progress.warning(
@@ -68,7 +68,11 @@ def moved_zones_of(
         memory = MotionMemory.of(settings.change.memory_limit)
         try:
             with _ground(surveys, memory, settings.displacement.spacing) as clouds:
-                zones = _moved(run, change, clouds, registered, context, settings, vectors, memory)
+                if vectors is None:
+                    vectors = measure_displacement(
+                        *clouds, settings.displacement, registered, progress=run.progress, threads=memory.threads
+                    )
+                zones = _moved(run, change, Motion(vectors, clouds, registered, largest), context, settings)
         except InputError as error:
             run.progress.warning(f"What the zones did is not said. {error}")
             return None
@@ -87,26 +91,14 @@ def _ground(surveys: Surveys, memory: MotionMemory, spacing: float) -> Iterator[
         yield clouds
 
 
-def _moved(
-    run: Run,
-    change: Change,
-    clouds: tuple[Ground, Ground],
-    registered: Registered,
-    context: Context,
-    settings: Settings,
-    vectors: Displacement | None,
-    memory: MotionMemory,
-) -> Zones:
-    parameters = settings.displacement
-    if vectors is None:
-        vectors = measure_displacement(*clouds, parameters, registered, progress=run.progress, threads=memory.threads)
+def _moved(run: Run, change: Change, motion: Motion, context: Context, settings: Settings) -> Zones:
     found = change_zones(
         change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
     )
     return moved_zones(
         found,
         change,
-        Motion(vectors, clouds, registered, parameters.largest_motion),
+        motion,
         settings.zones,
         confidence=settings.movement.movement_confidence,
         origin=Origin(context.dates, context.method, context.run_id),

@@ -148,7 +148,11 @@ def fit_motion(
         weight = tukey(residual, TUKEY_SCALES * _scale(residual))
         jacobian, bread = _jacobian_and_bread(at, weight)
         gradient = jacobian.T @ (weight * at.residual)
-        if _weakest_information(bread) <= 0:
+        try:
+            weakest = _weakest_information(bread)
+        except np.linalg.LinAlgError:  # what is seen lies on one line, which holds no tilt across it
+            return Status.LITTLE_SEEN
+        if weakest <= 0:
             return Status.NO_RELIEF
         step = -np.linalg.solve(bread, gradient)
         plane = -step[2:]

@@ -47,5 +47,5 @@ def gridded(points: Float, corner: Float, shape: tuple[int, int], kernel: float)
     key = index[:, 0] * shape[1] + index[:, 1]
     sigma = kernel / NODE_M
     half = half_gaussian(sigma, _TRUNCATE)
-    values = smoothed_planes(key, x, y, points[:, 2] - base, shape, half, limits_of(sigma), (base, NODE_M))
+    values = smoothed_planes(key, x, y, points[:, 2] - base, shape, half, limits_of(sigma, base, NODE_M))
     return GriddedSurface(values, np.asarray(corner, dtype=np.float64))

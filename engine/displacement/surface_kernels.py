@@ -40,23 +40,22 @@ def _smoothed(values: Float, half: Float) -> Float:
     return values
 
 
-Limits = tuple[float, float, float]
+Limits = tuple[float, float, float, float, float]
 """What weights are multiplied with to be 1 in the middle, the largest squared distance from a node to the mean of its
-points, and their least variance in their narrowest direction, in nodes."""
-Level = tuple[float, float]
-"""Height of the base, and distance of the nodes, metres."""
+points, and their least variance in their narrowest direction, in nodes; height of the base, and distance of the nodes,
+metres."""
 
 
-def limits_of(sigma: float) -> Limits:
-    """For a Gaussian of so many nodes."""
-    return 2 * np.pi * sigma**2, (_MAX_OFF_CENTRE * sigma) ** 2, _MIN_SPREAD * sigma**2
+def limits_of(sigma: float, base: float, step: float) -> Limits:
+    """For a Gaussian of so many nodes, ``step`` metres apart, of heights above ``base``."""
+    return 2 * np.pi * sigma**2, (_MAX_OFF_CENTRE * sigma) ** 2, _MIN_SPREAD * sigma**2, base, step
 
 
 def _planes_by_numpy(
-    key: Index, x: Float, y: Float, z: Float, shape: tuple[int, int], half: Float, limits: Limits, level: Level
+    key: Index, x: Float, y: Float, z: Float, shape: tuple[int, int], half: Float, limits: Limits
 ) -> Float:
     sums = product_sums(key, x, y, z, np.ones(len(x)), shape[0] * shape[1]).reshape(_SUMS, *shape)
-    (scale, widest, least), (base, step) = limits, level
+    scale, widest, least, base, step = limits
     u = (np.arange(shape[0]) - shape[0] / 2.0)[:, None]
     v = (np.arange(shape[1]) - shape[1] / 2.0)[None, :]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -116,10 +115,9 @@ def _smooth_row(sums: Float, i: int, half: Float, padded: Float, found: Float) -
             found[c] += (left[c] + right[c]) * weight
 
 
-def _plane_row(found: Float, i: int, rows: int, limits: Limits, level: Level, values: Float) -> None:
+def _plane_row(found: Float, i: int, rows: int, limits: Limits, values: Float) -> None:
     """Row ``i`` of ``values`` from the smoothed sums (9 columns,) of its nodes."""
-    scale, widest, least = limits
-    base, step = level
+    scale, widest, least, base, step = limits
     columns, u = values.shape[2], i - rows / 2.0
     for j in range(columns):
         at, v = j * _SUMS, j - columns / 2.0
@@ -145,7 +143,7 @@ def _plane_row(found: Float, i: int, rows: int, limits: Limits, level: Level, va
 
 @compiled(_planes_by_numpy, _point_sums, _smooth_row, _plane_row)
 def smoothed_planes(
-    key: Index, x: Float, y: Float, z: Float, shape: tuple[int, int], half: Float, limits: Limits, level: Level
+    key: Index, x: Float, y: Float, z: Float, shape: tuple[int, int], half: Float, limits: Limits
 ) -> Float:
     """(3, rows, columns) height and rises of the plane of least squares at each node; NaN where too little is known.
 
@@ -164,5 +162,5 @@ def smoothed_planes(
     padded, found = np.zeros((columns + 2 * reach) * _SUMS), np.empty(columns * _SUMS)
     for i in range(rows):
         _smooth_row(sums, i, half, padded, found)
-        _plane_row(found, i, rows, limits, level, values)
+        _plane_row(found, i, rows, limits, values)
     return values

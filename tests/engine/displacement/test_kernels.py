@@ -7,8 +7,9 @@ import pytest
 from scipy import ndimage
 from slopewatch.engine.core.compiled import Kernel
 from slopewatch.engine.displacement.kernels import block_sums, sampled, sampled_in_both, tukey, weighted
-from slopewatch.engine.displacement.least_squares import middle_of
+from slopewatch.engine.displacement.least_squares import Region, fit_motion, middle_of
 from slopewatch.engine.displacement.near_ground import near_points
+from slopewatch.engine.displacement.status import Status
 from slopewatch.engine.displacement.surface_kernels import half_gaussian, limits_of, smoothed_planes
 
 
@@ -113,9 +114,7 @@ def test_nodes_have_the_plane_of_least_squares_through_the_points_around():
     z = 0.02 * x - 0.01 * y + rng.normal(0, 0.02, 900)
     near = np.rint(np.column_stack([x + 25, y + 20])).astype(np.int64)
     half = half_gaussian(sigma, 3.0)
-    values = both_ways(
-        smoothed_planes, near[:, 0] * 40 + near[:, 1], x, y, z, shape, half, limits_of(sigma), (7.0, step)
-    )
+    values = both_ways(smoothed_planes, near[:, 0] * 40 + near[:, 1], x, y, z, shape, half, limits_of(sigma, 7.0, step))
     assert 0.5 < np.isfinite(values[0]).mean() < 1.0
     full = np.concatenate([half[:0:-1], half])
     reach = len(half) - 1
@@ -127,7 +126,7 @@ def test_nodes_have_the_plane_of_least_squares_through_the_points_around():
         plane = np.linalg.lstsq(design * root[:, None], z[chosen] * root, rcond=None)[0]
         assert np.allclose(values[:, i, j], [plane[0] + 7.0, plane[1] / step, plane[2] / step], rtol=1e-9)
     with pytest.raises(IndexError):
-        smoothed_planes(np.array([2000]), x[:1], y[:1], z[:1], shape, half, limits_of(sigma), (7.0, step))
+        smoothed_planes(np.array([2000]), x[:1], y[:1], z[:1], shape, half, limits_of(sigma, 7.0, step))
 
 
 def test_places_with_a_point_near_them_are_those_of_all_pairs():
@@ -139,3 +138,11 @@ def test_places_with_a_point_near_them_are_those_of_all_pairs():
     assert np.array_equal(found, want)
     assert 0.05 < found.mean() < 0.6
     assert np.array_equal(both_ways(near_points, xyz, x[:1], y[:1], 30.0), [[True]])
+
+
+def test_nodes_on_one_line_hold_no_tilt():
+    rng = np.random.default_rng(8)
+    surfaces = rng.normal(0, 0.02, (2, 3, 40, 120))
+    surfaces[:, :, :20], surfaces[:, :, 22:] = np.nan, np.nan
+    found = fit_motion(*surfaces, Region.disc(2.0, 1), (20, 60), np.zeros(2), 1.0)
+    assert found == Status.LITTLE_SEEN
