@@ -20,6 +20,8 @@ from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_unwritable
 from ..engine.crs.reprojection import reprojected
 from ..engine.maps.qgis_styles import zones_qml
+from ..engine.road.centreline import FIELDS as ROAD_FIELDS
+from ..engine.road.centreline import TABLE as OF_ROADS
 from ..engine.road.centreline import read_roads
 from ..engine.road.locating import PLACED, Located, located
 from ..engine.vector.field_mapping import FieldMapping, read_field_mapping
@@ -73,6 +75,7 @@ def locate_step(
         with run.step("locate", 0.3, 0.9, "locating"):
             found = _located(run, frame, centreline, parameters, names)
         with run.step("write", 0.9, 1.0, "writing"):
+            _say_not_filled_in(names, progress)
             table = _with_places(run, frame, found, names.renamed(PLACED, TABLE))
             style = _style(source, chosen)
             if set(FIELDS) <= set(table.columns):
@@ -88,6 +91,15 @@ def locate_step(
             "roads": len({row for row in found.frame["route"] if row}),
         }
     return run.result()
+
+
+def _say_not_filled_in(names: FieldMapping, progress: Progress) -> None:
+    """Other columns of the layer keep their names, whatever the file calls them."""
+    of_tables = [f"{TABLE}.{name}" for name in PLACED] + [f"{OF_ROADS}.{name}" for name in ROAD_FIELDS]
+    known = {*PLACED, *ROAD_FIELDS, *of_tables}
+    other = [name for name in names.flat if name not in known]
+    if other:
+        progress.warning(f"The mapping file names fields that are not filled in here: {', '.join(other)}.")
 
 
 def _read(source: Path, wanted: str) -> tuple[str, gpd.GeoDataFrame]:

@@ -15,6 +15,8 @@ ZONES, CHANGE, SURVEYS, SCREENING, SLOPES, FLIGHT, TABLES, MORE = (
 )  # fmt: skip
 GROUPS = (ZONES, CHANGE, SCREENING, FLIGHT, SLOPES, SURVEYS, TABLES, MORE)
 """From the top of the layer tree."""
+EARLIER, LATER = "Earlier survey", "Later survey"
+"""Groups of two surveys whose days are not known."""
 Days = tuple[str, str]
 
 
@@ -28,7 +30,8 @@ class Entry:
 
     ``layer`` is that of a GeoPackage, ``bands`` the titles of a raster's bands where each becomes a layer of heights,
     ``days`` when it is shown by the temporal controller: after the first until the second. ``survey`` is the day of the
-    group below ``group``, empty for none; ``slope`` the name of such a group instead, of a slope of a corridor.
+    group below ``group``, or ``EARLIER`` or ``LATER`` where no day is known, empty for none, and ``surveys`` those of
+    the bands; ``slope`` the name of such a group instead, of a slope of a corridor.
     """
 
     path: Path
@@ -39,6 +42,7 @@ class Entry:
     visible: bool = False
     days: Days | None = None
     bands: tuple[str, ...] = ()
+    surveys: tuple[str, ...] = ()
     slope: str = ""
 
 
@@ -230,20 +234,23 @@ def _names(package: Path) -> list[str]:
 
 def _rasters(files: dict[str, Path], days: tuple[str, ...]) -> list[Entry]:
     pair = (days[0], days[-1]) if len(days) > 1 else None
+    two = pair or ((EARLIER, LATER) if _HEIGHTS in files else None)
     found = []
     if _HEIGHTS in files:
-        found.append(Entry(files[_HEIGHTS], "", SURVEYS, bands=_HEIGHT_TITLES, days=pair))
+        found.append(Entry(files[_HEIGHTS], "", SURVEYS, bands=_HEIGHT_TITLES, days=pair, surveys=two or ()))
     for key, (title, group, visible) in _RASTERS.items():
         if key in files:
-            found.append(Entry(files[key], title, group, visible=visible, days=pair if group == CHANGE else None))
+            survey = two[1] if two and group == SURVEYS else ""  # the picture from above is of the later one
+            span = pair if group == CHANGE else None
+            found.append(Entry(files[key], title, group, survey=survey, visible=visible, days=span))
     for key in sorted(files, reverse=True):
-        kind, span = _OF_SURVEYS.fullmatch(key), _SPAN.search(files[key].stem)
-        if kind and span:
+        kind, dated = _OF_SURVEYS.fullmatch(key), _SPAN.search(files[key].stem)
+        if kind and dated:
             title = _SURVEY_TITLES[f"{kind[1]}_{kind[2]}"]
-            newest = span[2] == days[-1] if days else False
+            newest = dated[2] == days[-1] if days else False
             visible = newest and kind.groups() == ("cumulative", "change") and "velocity" not in files
             # the engine's style says on which days it is shown
-            found.append(Entry(files[key], title, SURVEYS, survey=span[2], visible=visible))
+            found.append(Entry(files[key], title, SURVEYS, survey=dated[2], visible=visible))
     return [*found, *_pairs_of_models(files, days)]
 
 

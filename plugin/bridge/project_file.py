@@ -32,7 +32,7 @@ from qgis.PyQt.QtCore import QDate, QDateTime, Qt, QTime
 from .arrow_scale import named_with_scale
 from .elevation_layers import surfaces
 from .print_layout import Sheet, add_sheet
-from .project_contents import SURVEYS, ZONES, Contents, Entry
+from .project_contents import EARLIER, LATER, SURVEYS, ZONES, Contents, Entry
 from .translated_style import translate_style
 from .words import tr
 
@@ -40,6 +40,8 @@ _LINES, _LINE_LOOK = "profiles", {"line_color": "20,20,20,255", "line_width": "0
 """The layer of the profiles' lines, which has no style of its own, and how it is drawn."""
 _REGIONS, _REGION_LOOK = "slopes", {"style": "no", "outline_color": "60,60,60,255", "outline_width": "0.4"}
 """The layer of a corridor's regions, which has none either: outlines, as they lie over the change."""
+_SURVEY = "slopewatch/survey"
+"""Property of a group in the layer tree: the day of its survey."""
 _SIDE_FILES = "GDAL_PAM_ENABLED"
 _MARGIN = 0.05
 """Of the first view, around the layers: a share of their size."""
@@ -166,14 +168,42 @@ def _add(project: QgsProject, entry: Entry) -> list[QgsMapLayer]:
     if entry.bands:
         before = set(project.mapLayers())
         surfaces([tr(title) for title in entry.bands])(layer, project)
-        return [layer, *(project.mapLayer(name) for name in set(project.mapLayers()) - before)]
+        of_bands = [layer, *(project.mapLayer(name) for name in set(project.mapLayers()) - before)]
+        _move_to_surveys(project, entry, of_bands)
+        return of_bands
     return [layer]
 
 
 def _group(project: QgsProject, entry: Entry) -> QgsLayerTreeGroup:
     group = _child(project.layerTreeRoot(), tr(entry.group), expanded=entry.group in (ZONES, SURVEYS))
-    title = entry.slope or (tr("Survey of {0}").format(entry.survey) if entry.survey else "")
-    return _child(group, title, expanded=False) if title else group
+    if entry.slope:
+        return _child(group, entry.slope, expanded=False)
+    return _survey_group(group, entry.survey) if entry.survey else group
+
+
+def _survey_group(parent: QgsLayerTreeGroup, survey: str) -> QgsLayerTreeGroup:
+    """The group of a survey, the newest one at the top."""
+    groups = [node for node in parent.children() if isinstance(node, QgsLayerTreeGroup)]
+    for node in groups:
+        if node.customProperty(_SURVEY) == survey:
+            return node
+    titles = {EARLIER: tr("Earlier survey"), LATER: tr("Later survey")}
+    place = sum(str(node.customProperty(_SURVEY)) > survey for node in groups)  # "Later" is after "Earlier" too
+    made = parent.insertGroup(place, titles.get(survey) or tr("Survey of {0}").format(survey))
+    made.setCustomProperty(_SURVEY, survey)
+    made.setExpanded(False)
+    return made
+
+
+def _move_to_surveys(project: QgsProject, entry: Entry, layers: list[Any]) -> None:
+    """Put the layer of each band into the group of its survey."""
+    parent = _group(project, entry)
+    for title, survey in zip(entry.bands, entry.surveys):
+        for layer in layers:
+            node = parent.findLayer(layer.id())
+            if layer.name() == tr(title) and node is not None:
+                _survey_group(parent, survey).addChildNode(node.clone())
+                node.parent().removeChildNode(node)
 
 
 def _child(parent: QgsLayerTreeGroup, title: str, *, expanded: bool) -> QgsLayerTreeGroup:

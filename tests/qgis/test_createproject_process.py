@@ -119,7 +119,10 @@ def test_layers_stand_in_groups_by_kind_and_survey(found: dict[str, dict[str, An
     change = dict(one for one in found["change"]["tree"] if isinstance(one, list))
     assert list(change)[:2] == ["Zones and sections", "Change"]
     assert change["Zones and sections"][0] == "Hazard zones"
-    assert change["Surveys"][:2] == ["Ground heights, later survey (m)", "Ground heights, earlier survey (m)"]
+    assert change["Surveys"] == [
+        ["Survey of 2025-05-01", ["Ground heights, later survey (m)", "Top view"]],
+        ["Survey of 2024-05-01", ["Ground heights, earlier survey (m)"]],
+    ]
     series = dict(one for one in found["series"]["tree"] if isinstance(one, list))
     ((survey, layers),) = series["Surveys"]
     assert survey == "Survey of 2025-05-01"

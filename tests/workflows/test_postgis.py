@@ -280,6 +280,7 @@ def test_a_database_that_cannot_take_it_is_one_sentence_and_stays_as_it_is(
         with pytest.raises(InputError, match=sentence) as refused:
             give(run, given, name)
         assert "\n" not in str(refused.value)
+        assert "?" not in str(refused.value)
         assert PASSWORD not in str(refused.value)
     assert database.content(schema) == before
     assert database.run(f"SELECT count(*) FROM pg_tables WHERE schemaname = '{schema}other'") == [(1,)]

@@ -162,6 +162,23 @@ def test_a_layer_of_an_earlier_run_is_located_under_the_agencys_names(place: Pat
         locate_step(zones, output, files, RoadParameters(chainage_unit="km"), progress=Progress())
 
 
+def test_names_of_fields_that_are_not_filled_in_are_said(place: Path, tmp_path: Path) -> None:
+    source = layer(tmp_path / "assets.geojson", [shapely.Point(12, 0)], 4326, zone_id=[7])
+    names = {
+        "route": "ROAD",
+        "zone_id": "ID",
+        "zones": {"side": "SIDE", "kind": "TYPE"},
+        "centreline": {"route": "ROAD"},
+    }
+    (tmp_path / "own.json").write_text(json.dumps(names))
+    progress = Progress()
+    files = LayerFiles(place / "road.gpkg", tmp_path / "own.json")
+    locate_step(source, tmp_path / "o.gpkg", files, RoadParameters(chainage_unit="km"), progress=progress)
+    said = [w for w in progress.warnings if "mapping file" in w]
+    assert said == ["The mapping file names fields that are not filled in here: zone_id, zones.kind."]
+    assert {"ROAD", "SIDE", "zone_id"} <= set(pyogrio.read_dataframe(tmp_path / "o.gpkg").columns)
+
+
 def test_points_in_degrees_and_what_has_no_place(place: Path, tmp_path: Path) -> None:
     shapes = [
         shapely.Point(12, 0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     import psycopg
 
 _WAIT_S = 10
+_AROUND_REASON = re.compile(r"^connection (?:failed|is bad): |\s*Is the server running [^?]*\?")
+"""What the driver says before the reason, and libpq asks after it."""
 _NO_DRIVER = (
     "The package psycopg, which writes to PostgreSQL, is not installed; install it with: pip install "
     "'slopewatch[postgis]'."
@@ -97,9 +100,14 @@ def _unreached(database: Database, reason: str) -> str:
             "address, PGPASSWORD or ~/.pgpass."
         )
     return (
-        f"The database {database.shown} cannot be reached ({database.without_secrets(reason).rstrip('.')}); check the "
+        f"The database {database.shown} cannot be reached ({_bare(database.without_secrets(reason))}); check the "
         "address, and that it runs."
     )
+
+
+def _bare(reason: str) -> str:
+    """The reason alone, such as the host, the port and "Connection refused", of what libpq says and asks."""
+    return _AROUND_REASON.sub("", reason).rstrip(".")
 
 
 def _refused(database: Database, error: psycopg.Error) -> str:

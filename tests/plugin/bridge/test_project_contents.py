@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from slopewatch.plugin.bridge.project_contents import CHANGE, SURVEYS, ZONES, Entry, read_contents
+from slopewatch.plugin.bridge.project_contents import CHANGE, EARLIER, LATER, SURVEYS, ZONES, Entry, read_contents
 
 DAYS = ("2015-03-01", "2019-06-01", "2023-02-15")
 
@@ -40,3 +40,15 @@ def test_pairs_of_elevation_models_stand_under_the_later_one(tmp_path: Path) -> 
     assert of_pairs["level_of_detection_1_3"] == (
         DAYS[2], "Level of detection since the first survey", (DAYS[0], DAYS[2]),
     )  # fmt: skip
+
+
+def test_heights_and_picture_are_of_their_surveys(tmp_path: Path) -> None:
+    files = {"surface_heights": "surface_heights.tif", "top_view": "top_view.tif"}
+    heights, view = contents(tmp_path, files)
+    assert (heights.surveys, view.survey) == ((DAYS[0], DAYS[2]), DAYS[2])
+    (tmp_path / "run.json").write_text(json.dumps({"command": "change", "outputs": files}), encoding="utf-8")
+    heights, view = read_contents(str(tmp_path)).entries
+    assert (heights.surveys, view.survey, heights.days) == ((EARLIER, LATER), LATER, None)
+    (tmp_path / "surface_heights.tif").unlink()
+    (view,) = read_contents(str(tmp_path)).entries
+    assert view.survey == "", "of one cloud alone"
