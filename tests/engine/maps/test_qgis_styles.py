@@ -168,7 +168,9 @@ def test_no_field_is_explained_twice() -> None:
         assert len({name for name, _ in pairs}) == len(pairs)
         return dict(pairs)
 
-    json.loads((Path(qgis_styles.__file__).parent / "styles" / "fields.json").read_text("utf-8"), object_pairs_hook=once)
+    json.loads(
+        (Path(qgis_styles.__file__).parent / "styles" / "fields.json").read_text("utf-8"), object_pairs_hook=once
+    )
 
 
 def test_states_of_a_series_follow_the_time_and_cannot_be_edited() -> None:
