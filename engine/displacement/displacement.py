@@ -22,6 +22,7 @@ from .least_squares import Fit
 from .measure import Windows, judged
 from .near_ground import near_points
 from .one_direction import Component
+from .reference import Reference
 from .registered import Registered
 from .status import Status
 from .stored_ground import Ground, bounds_of, parts_of
@@ -56,7 +57,7 @@ class Displacement:
         zones: what moves as one, largest first.
         common: the motion that most windows share, before it was taken off; None where too few were measured.
         stable: the motion of ground that is known to be stable; None where none is known or too little of it is seen.
-        taken_off: (3,) east, north, up that was taken off all vectors, metres.
+        reference: what rests, whose motion was taken off all vectors, and its error, which they hold.
         kernel: standard deviation of the kernel (m), ``points_per_m2`` of the sparser cloud.
         independent: number of measured windows that do not overlap.
         components: of the motion in windows whose relief holds one direction only.
@@ -73,12 +74,17 @@ class Displacement:
     zones: tuple[MovingZone, ...]
     common: CommonMotion | None
     stable: CommonMotion | None
-    taken_off: Float
+    reference: Reference
     kernel: float
     points_per_m2: float
     independent: float
     components: Components
     confidence: float
+
+    @property
+    def taken_off(self) -> Float:
+        """(3,) east, north, up that was taken off all vectors, metres."""
+        return self.reference.taken_off
 
 
 def measure_displacement(
@@ -115,11 +121,8 @@ def measure_displacement(
     overlap = parameters.spacing**2 / (np.pi * np.array(radii) ** 2)
     common = common_motion(own[-1], float(overlap[-1]))
     still = None if stable is None else common_motion(own[-1], float(overlap[-1]), stable(places[:, :2]))
-    reference = still or (common if parameters.subtract else None)
-    error = registered.at(places)
-    taken_off = np.zeros(3)
-    if reference is not None:
-        taken_off, error = reference.motion, np.broadcast_to(reference.covariance, error.shape)
+    reference = Reference.of(registered, still or (common if parameters.subtract else None))
+    error, taken_off = reference.at(places), reference.taken_off
     by_width = tuple(with_error(v, error, taken_off) for v in own)
     vectors = joined(by_width, parameters.vector_confidence)
     components = on_the_map(one_way, vectors, error, taken_off)
@@ -128,16 +131,12 @@ def measure_displacement(
     columns = np.column_stack(np.divmod(cell, grid.columns)[::-1])
     columns[:, 1] = grid.rows - 1 - columns[:, 1]
     held = Measured((first, later), facets, facet, search, columns, parameters.spacing, sizes[-1].common, taken_off)
-
-    def error_at(at: Float) -> Float:
-        return registered.at(at) if reference is None else np.broadcast_to(reference.covariance, (len(at), 3, 3))
-
     progress.update(0.95, "looking for zones that move as one")
     still_errors = [with_error(v, np.zeros((3, 3)), taken_off) for v in own]
-    zones = moving_zones(still_errors, held, parameters.slide_area, error_at)
+    zones = moving_zones(still_errors, held, parameters.slide_area, reference.at)
     progress.update(1.0)
     return Displacement(
-        grid, cell, vectors, by_width, facet, facets, significant, tuple(zones), common, still, taken_off,
+        grid, cell, vectors, by_width, facet, facets, significant, tuple(zones), common, still, reference,
         search.kernel, points, independent, components, parameters.vector_confidence,
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ from scipy import stats
 from ..core.arrays import Bool, Float, Index
 from .facets import Facets
 from .measure import Windows
+from .registered import motion_by_turn
 from .status import Status
 
 _MAX_ROUNDS = 30
@@ -25,7 +26,8 @@ class CommonMotion:
     registration's error.
 
     ``share`` is that of the windows that agree with it, ``windows`` how many there are, ``factor`` by how much their
-    squared deviations exceed what is stated (1: as stated).
+    squared deviations exceed what is stated (1: as stated), ``centre`` (3,) the mean of their places, and ``by_turn``
+    (3, 3) the motion that a turn about it feigns: windows that are known better in one direction count more in it.
     """
 
     motion: Float
@@ -33,6 +35,8 @@ class CommonMotion:
     share: float
     windows: int
     factor: float
+    centre: Float
+    by_turn: Float
 
 
 @dataclass(frozen=True)
@@ -165,4 +169,8 @@ def common_motion(vectors: Vectors, independent: float, among: Bool | None = Non
             break
     agreeing = distance**2 < threshold(0.99)
     factor = float(np.median(distance[agreeing] ** 2) / _MEDIAN_CHI2) if agreeing.any() else float("nan")
-    return CommonMotion(mean, np.linalg.inv(total) / min(independent, 1.0), float(agreeing.mean()), len(motion), factor)
+    centre = vectors.places[use].mean(axis=0)
+    turned = motion_by_turn(vectors.places[use] - centre)
+    by_turn = np.linalg.solve(total, np.einsum("n,nij,njk->ik", weight, precision, turned))
+    covariance = np.linalg.inv(total) / min(independent, 1.0)
+    return CommonMotion(mean, covariance, float(agreeing.mean()), len(motion), factor, centre, by_turn)

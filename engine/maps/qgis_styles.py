@@ -136,7 +136,8 @@ def zones_qml(*, located: bool = False) -> str:
         _category(f"{SLIDING}, {grade}", f"{SLIDING.capitalize()}, {grade}", tint, alpha, SLIDING_LINE, width)
         for grade, tint, (_, alpha, width) in zip(SEVERITIES, SLIDING_TINTS, _LOOKS, strict=True)
     ]
-    return _polygons_qml("zones", _fields(FIELDS), [*_graded(SEVERITIES), *sliding], located=located, grade="severity")
+    categories = [*_graded(SEVERITIES), *sliding]
+    return _polygons_qml("zones", _fields(FIELDS, "zones"), categories, located=located, grade="severity")
 
 
 def hazards_qml(fields: Iterable[str], *, located: bool = False) -> str:
@@ -277,10 +278,13 @@ def _polygons_qml(
     )
 
 
-def _fields(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """What analysts read instead of each field's name, and with how many decimals its figures."""
+def _fields(names: Iterable[str], table: str = "") -> dict[str, dict[str, Any]]:
+    """What analysts read instead of each field's name, and with how many decimals its figures.
+
+    Where a field is another thing in one ``table``, that has its own name as ``table.field``.
+    """
     known = json.loads((_TEMPLATES / "fields.json").read_text(encoding="utf-8"))
-    return {name: known[name] for name in names}
+    return {name: known.get(f"{table}.{name}") or known[name] for name in names}
 
 
 def _graded(grades: Sequence[str]) -> list[dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import geopandas
@@ -63,3 +64,15 @@ def test_a_zone_with_too_many_points_for_the_memory_is_said(surveys, tmp_path, o
     warnings = changed(surveys, tmp_path / "out")
     assert any(w.startswith("What the zones did is not said. The memory allowed holds 9,000 points") for w in warnings)
     assert (tmp_path / "out" / "zones.gpkg").exists()
+
+
+def test_the_report_of_ground_that_slid_speaks_of_no_loss(surveys, tmp_path):
+    changed(surveys, tmp_path / "out")
+    figures = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))["metrics"]
+    assert figures["slid_zones"] == figures["zone_count"] > 0
+    said = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    verdict = said.partition('<p class="verdict">')[2].partition("</p>")[0]
+    assert "what moved there slid along the surface, by up to" in verdict
+    assert "no material was lost or gained" in verdict
+    assert "lost in zones that sank" not in verdict
+    assert "largest lowering" not in verdict

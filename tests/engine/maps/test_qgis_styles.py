@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from datetime import date
@@ -13,7 +14,7 @@ import pytest
 from pyproj import CRS
 from shapely import MultiPolygon, box, hausdorff_distance, unary_union
 from slopewatch.engine.grid.grid import Grid
-from slopewatch.engine.maps import opacity_band
+from slopewatch.engine.maps import opacity_band, qgis_styles
 from slopewatch.engine.maps.palette import DIVERGING, SEQUENTIAL
 from slopewatch.engine.maps.qgis_styles import (
     FOOTPRINT_FIELDS,
@@ -150,6 +151,26 @@ def test_zones_of_a_series_have_the_names_and_colours_of_its_alerts() -> None:
     fills = [option.get("value") for option in root.iter("Option") if option.get("name") == "color"]
     assert fills == ["158,158,158,40", "180,4,38,40"]
     assert names_of(root) == set(ZONE_FIELDS)
+    assert (title(root, "motion_m"), title(root, "motion_err_m")) == (
+        "Motion along the surface (m)", "Standard error of motion along the surface (m)",
+    )  # fmt: skip
+    slides = ElementTree.fromstring(zones_qml())
+    assert title(slides, "motion_m") == "Length of its motion (m)"
+
+
+def title(root: ElementTree.Element, field: str) -> str:
+    """What analysts read in place of a field."""
+    return next(alias.get("name") for alias in root.iter("alias") if alias.get("field") == field)
+
+
+def test_no_field_is_explained_twice() -> None:
+    def once(pairs: list[tuple[str, dict]]) -> dict:
+        assert len({name for name, _ in pairs}) == len(pairs)
+        return dict(pairs)
+
+    json.loads(
+        (Path(qgis_styles.__file__).parent / "styles" / "fields.json").read_text("utf-8"), object_pairs_hook=once
+    )
 
 
 def test_states_of_a_series_follow_the_time_and_cannot_be_edited() -> None:
