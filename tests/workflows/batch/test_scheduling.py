@@ -291,7 +291,7 @@ def test_a_batch_killed_at_random_moments_loses_nothing_and_repeats_little(las_f
         done_before = done
     last = context.Process(target=run_in_a_process, args=(str(tmp_path),))
     last.start()
-    last.join(PATIENCE_S)
+    last.join(3 * PATIENCE_S)
     assert last.exitcode == 0
     assert {e.state for e in StateFile(tmp_path / "out" / "slopes.jsonl").entries.values()} == {"done"}
     assert json.loads((tmp_path / "out" / "run.json").read_text())["metrics"]["slopes_done"] == SLOPES
