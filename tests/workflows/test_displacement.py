@@ -122,7 +122,8 @@ def test_every_column_and_band_is_explained(outcome, root):
     errors = [name.removeprefix("standard error ") for name in names[6:12]]
     assert errors == axes
     assert [name.removeprefix("motion ").partition(",")[0] for name in names[:6]] == axes
-    assert [names[12].split()[-1], *(n.split()[0] for n in names[13:])] == ["errors", "share", "width", "status", "Opacity"]
+    last = [names[12].split()[-1], *(n.split()[0] for n in names[13:])]
+    assert last == ["errors", "share", "width", "status", "Opacity"]
     assert "13 | length along the surface in standard errors" in page
 
 
