@@ -18,6 +18,7 @@ import click
 from ..engine.core import cancellation
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
 from ..engine.core.messages import shown
+from ..engine.core.part_folders import settle_around
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
 from ..interface.settings_file import read_settings
@@ -177,6 +178,7 @@ def _with_settings(
     """The options and the profile of a run: those given, else those of the file, else the profile's values."""
     if path is None:
         return values, profile or "default"
+    settle_around(path)
     read = read_settings(path, groups)
     chosen = profile or read.profile or "default"
     given = {name: value for name, value in values.items() if value is not None}
