@@ -24,6 +24,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -60,7 +61,7 @@ def cases(place: Path) -> dict[str, Case]:
     from kills import surveys
 
     clouds = [str(path) for path in surveys(place)]
-    models = [str(elevation_model(place / f"{2023 + n}-05-01.tif", 0.4 * n)) for n in (1, 2, 3)]
+    models = [str(elevation_model(place / f"{2023 + n}-05-01.tif", 0.6 * n, n)) for n in (1, 2)]
     epochs = [f"--epoch={Path(path).stem}={path}" for path in clouds]
     found = {}
 
@@ -76,7 +77,7 @@ def cases(place: Path) -> dict[str, Case]:
     report = ("report", "{out}")
     gis = ("exportgis", "{out}", "--output", "{place}/read.zip", "--formats", "csv", "--overwrite")
     add("change", [*clouds[:2], "--cell", "0.5", *into], coarse, report)
-    add("demchange", [*models[:2], *into], ["--overwrite", "--minimum-area", "1"], report)
+    add("demchange", [*models, *into], ["--overwrite", "--minimum-area", "1"], report)
     add("displacement", [*clouds[:2], *into], ["--overwrite", "--spacing", "2.5"], report)
     screen = ["--output", "{out}/a.laz", "--zones", "{other}/zones.gpkg", "--screening-method", "filter"]
     add("screen", [clouds[1], *screen], ["--any-relief"], gis)
@@ -88,18 +89,12 @@ def cases(place: Path) -> dict[str, Case]:
     return found
 
 
-def elevation_model(path: Path, sunk: float) -> Path:
-    import numpy as np
-    import rasterio
-    from rasterio.transform import from_origin
+def elevation_model(path: Path, sunk: float, seed: int) -> Path:
+    from slopewatch.tests.builders.elevation_models import hills, noise, write_model
 
-    row = np.mgrid[:60, :60][0]
-    z = 0.3 * row + np.random.default_rng(1).normal(0.0, 0.02, row.shape)
-    z[20:30, 20:30] -= sunk
-    profile = {"driver": "GTiff", "width": 60, "height": 60, "count": 1, "dtype": "float32", "crs": "EPSG:32651"}
-    with rasterio.open(path, "w", transform=from_origin(500_000.0, 3_500_000.0, 0.5, 0.5), **profile) as raster:
-        raster.write(z.astype(np.float32), 1)
-    return path
+    heights = hills(120, 120) + noise((120, 120), 0.03, 4.0, seed)
+    heights[40:60, 40:60] -= sunk
+    return Path(write_model(path, heights))
 
 
 # the folders
@@ -174,10 +169,12 @@ class Forks:
         self.faults: list[str] = []
         self.early = self.kills = self.last_old = 0
         self._replace = os.replace
+        self._one = threading.Lock()
 
     def replace(self, source: Any, target: Any) -> None:
         if os.path.basename(target) != ".journal":
-            self._look_before_the_journal()
+            with self._one:
+                self._look_before_the_journal()
             self._replace(source, target)
         elif self._forks(source, target):
             os.replace(source, target)  # in a fork, which goes on
@@ -189,7 +186,8 @@ class Forks:
     def _look_before_the_journal(self) -> None:
         from slopewatch.engine.core.part_folders import settle
 
-        copied(self.case.folders, self.kept / "early")
+        with contextlib.suppress(shutil.Error):  # other threads write new files meanwhile
+            copied(self.case.folders, self.kept / "early")
         copies = [str(self.kept / "early" / str(n)) for n in range(len(self.case.folders))]
         for copy in copies:
             settle(Path(copy))

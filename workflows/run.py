@@ -183,7 +183,7 @@ class Run:
     @property
     def stage(self) -> Stage:
         """The outputs of the folder that gets the record."""
-        assert self._stage is not None, "outside of writing"
+        assert self._stage is not None
         return self._stage
 
     def stage_in(self, folder: Path) -> Stage:

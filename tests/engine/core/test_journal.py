@@ -18,9 +18,9 @@ from slopewatch.engine.core.file_lock import Lock
 from slopewatch.engine.core.journal import JOURNAL
 from slopewatch.engine.core.part_folders import PREFIX, part_folder, settle
 from slopewatch.engine.core.staged_outputs import Stage, staged_outputs
+from slopewatch.tests.builders.killed_runs import KILLED, killed_before_done
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="a killed run is a forked process")
-KILLED = 77
 Tree = dict[str, str]
 
 
@@ -113,21 +113,8 @@ def keep(tmp_path: Path, places: tuple[Path, Path], name: str) -> Path:
 
 def half_replaced(places: tuple[Path, Path]) -> Path:
     """Killed at the moment at which only the last rename is missing; the part folder with the journal."""
-    out = places[0]
-    done = journal.DONE
-
-    def before_done(source: object, target: object) -> None:
-        if os.path.basename(str(target)) == done:
-            os._exit(KILLED)
-        os.rename(str(source), str(target))
-
-    child = os.fork()
-    if child == 0:
-        os.replace = before_done  # type: ignore[assignment]
-        replace(*places)
-        os._exit(1)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == KILLED
-    (found,) = out.glob(f"{PREFIX}*")
+    killed_before_done(lambda: replace(*places))
+    (found,) = places[0].glob(f"{PREFIX}*")
     assert (found / JOURNAL).is_file()
     return found
 
