@@ -41,19 +41,21 @@ Tree = dict[str, bytes]
 
 @dataclass(frozen=True)
 class Case:
-    """A command, what its second run is given in addition, the folders it writes to, and what reads its results."""
+    """A command, what its second run is given in addition, the folders it writes to, what reads its results, and what
+    is refused because of them.
+    """
 
     words: list[str]
     again: list[str]
     folders: list[str]
     reading: list[str]
+    refused: list[str]
 
     def next_command(self, folder: str, number: int) -> list[str]:
         """What looks at a folder after the kill of that number."""
         if self.reading and folder == self.folders[0] and number % READING_EVERY == 0:
             return self.reading
-        refused = folder == self.folders[0] and "--overwrite" in self.again
-        return self.words if refused else ["report", folder]
+        return self.refused if folder == self.folders[0] and self.refused else ["report", folder]
 
 
 def cases(place: Path) -> dict[str, Case]:
@@ -70,7 +72,8 @@ def cases(place: Path) -> dict[str, Case]:
         filled = [word.format(out=out, other=other) for word in [name, *words]]
         uses_other = any(other in word for word in filled)
         read = [word.format(out=out, place=place) for word in reading]
-        found[name] = Case(filled, again, [out, other] if uses_other else [out], read)
+        refused = ["change", *clouds[:2], "--output-dir", out] if "--overwrite" in again else []
+        found[name] = Case(filled, again, [out, other] if uses_other else [out], read, refused)
 
     into = ["--output-dir", "{out}"]
     coarse = ["--cell", "0.6", "--overwrite"]

@@ -138,12 +138,12 @@ def _settled(folder: Path) -> str | None:
 
 def _claim_of_living(folder: Path) -> str | None:
     """As ``_settled``; of a run that has ended the folder stays."""
-    if folder in _of_this_process:  # file systems whose locks are those of a process would give it once more
-        return _claim(folder)
     for _ in range(_ROUNDS):
         if _claim(folder) or not _is_beginning(folder):
             break
         time.sleep(_WAIT_S)  # its run is between making the folder and claiming it
+    if folder in _of_this_process:  # file systems whose locks are those of a process would give it once more
+        return _claim(folder)
     with contextlib.ExitStack() as stack:
         try:
             owner = stack.enter_context((folder / OWNER).open("r+", encoding="utf-8"))
