@@ -15,7 +15,7 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 from . import cancellation
 from .errors import EngineError, InputError
@@ -31,7 +31,6 @@ _SPARE_BYTES = 16_384
 """Bytes: owner, names and small files of a folder."""
 _NEARLY_FULL_BYTES = 262_144
 """Bytes: a step that fails with less left than this most likely failed for that."""
-_REMEDY = "choose another one (--temporary-folder)"
 _NO_LINKS = getattr(os, "O_NOFOLLOW", 0)
 
 
@@ -55,7 +54,9 @@ def base_folder() -> Path:
     try:
         base = Path(os.environ.get(VARIABLE, "") or tempfile.gettempdir()).absolute()
     except FileNotFoundError as error:
-        raise InputError(f"This system has no temporary folder that can be written; {_REMEDY}.") from error
+        raise InputError(
+            "This system has no temporary folder that can be written; choose another one (--temporary-folder)."
+        ) from error
     _refuse_unusable(base)
     return base
 
@@ -80,7 +81,8 @@ def temporary_folder(purpose: str, *, needed_bytes: int = 0, base: Path | None =
     if needed_bytes + _SPARE_BYTES > free:
         raise InputError(
             f"The temporary folder {shown(base)} has {free / 1e6:.2f} MB left, and "
-            f"{(needed_bytes + _SPARE_BYTES) / 1e6:.2f} MB are needed; free some space, or {_REMEDY}."
+            f"{(needed_bytes + _SPARE_BYTES) / 1e6:.2f} MB are needed; free some space, or choose another one "
+            "(--temporary-folder)."
         )
     with contextlib.ExitStack() as stack:
         with cancellation.uninterrupted():
@@ -94,24 +96,22 @@ def temporary_folder(purpose: str, *, needed_bytes: int = 0, base: Path | None =
             raise
 
 
-def unnamed_file(content: bytes) -> BinaryIO:
+def unnamed_file(content: bytes) -> IO[bytes]:
     """A temporary file without a name that holds ``content``, to be read from its beginning.
 
     Raises:
         InputError: it cannot be written.
     """
     base = base_folder()
-    file = None
     try:
-        file = tempfile.TemporaryFile(dir=base)
-        file.write(content)
-        file.seek(0)
+        with contextlib.ExitStack() as stack:
+            file = stack.enter_context(tempfile.TemporaryFile(dir=base))
+            file.write(content)
+            file.seek(0)
+            stack.pop_all()
+            return file
     except OSError as error:
-        if file is not None:
-            with contextlib.suppress(OSError):  # closing writes what it still holds
-                file.close()
         raise _unusable(base, error) from error
-    return file  # type: ignore[return-value]  # on POSIX it is the file itself
 
 
 def remove_dead(base: Path) -> None:
@@ -179,16 +179,20 @@ def _about(folder: Path) -> os.stat_result:
 
 def _refuse_unusable(base: Path) -> None:
     if not base.is_dir():
-        raise InputError(f"The temporary folder {shown(base)} does not exist; create it, or {_REMEDY}.")
+        raise InputError(
+            f"The temporary folder {shown(base)} does not exist; create it, or choose another one (--temporary-folder)."
+        )
     if not os.access(base, os.W_OK | os.X_OK):
-        raise InputError(f"The temporary folder {shown(base)} cannot be written; {_REMEDY}.")
+        raise InputError(
+            f"The temporary folder {shown(base)} cannot be written; choose another one (--temporary-folder)."
+        )
 
 
 def _unusable(base: Path, error: OSError) -> InputError:
     reason = error.strerror or str(error)
     return InputError(
         f"The temporary folder {shown(base)} cannot be used ({reason}); check its rights and free some space, or "
-        f"{_REMEDY}."
+        "choose another one (--temporary-folder)."
     )
 
 
@@ -207,5 +211,6 @@ def _blame_full_disk(base: Path, folder: Path, error: Exception) -> None:
     full = isinstance(error, OSError) and error.errno in _NO_SPACE
     if full or _free_bytes(base) < _NEARLY_FULL_BYTES:
         raise InputError(
-            f"Writing to the temporary folder {shown(base)} failed, as its disk is full; free some space, or {_REMEDY}."
+            f"Writing to the temporary folder {shown(base)} failed, as its disk is full; free some space, or choose "
+            "another one (--temporary-folder)."
         ) from error

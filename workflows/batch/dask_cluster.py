@@ -135,7 +135,8 @@ def read_queue(path: Path) -> Queue:
     for odd in _OURS:
         if odd in options or (isinstance(scheduler, dict) and odd in scheduler):
             raise InputError(
-                f"The cluster file {name}: options must not name {odd}, as a batch's cluster always uses TLS; remove it."
+                f"The cluster file {name}: options must not name {odd}, as a batch's cluster always uses TLS; remove "
+                "it."
             )
     return Queue(kind, jobs, options)
 
@@ -195,8 +196,8 @@ def _queued(queue: Queue, wanted: Wanted, distributed: Any, stack: ExitStack) ->
     folder = stack.enter_context(temporary_folder("dask", needed_bytes=_CERTIFICATE_BYTES, base=base))
     if len(str(folder).split()) != 1:  # it stands in job scripts, where dask-jobqueue quotes nothing
         raise InputError(
-            f"The cluster file {shown(wanted.scheduler)}: Dask's certificate cannot lie in {shown(folder.parent)}, whose "
-            "name has a space; name another folder that all workers see as shared_temp_directory in options."
+            f"The cluster file {shown(wanted.scheduler)}: Dask's certificate cannot lie in {shown(folder.parent)}, "
+            "whose name has a space; name another folder that all workers see as shared_temp_directory in options."
         )
     options |= {"security": certified(folder), "protocol": "tls://", "scheduler_cls": nodes.QuietScheduler}
     options["scheduler_options"] = {

@@ -1,4 +1,4 @@
-"""Temporary folders: a killed run's go with the next run, those of the living and of others stay; full ones are named."""
+"""A killed run's temporary folders go with the next run, those of others stay, and a full one is named."""
 
 from __future__ import annotations
 

@@ -171,9 +171,10 @@ def test_a_scheduler_that_runs_already_with_tls_is_reached_by_dasks_own_settings
     with distributed.LocalCluster(**options) as running:
         address = running.scheduler_address
         assert address.startswith("tls://")
-        with dask.config.set({f"distributed.comm.tls.{name}": value for name, value in names.items()}):
-            with ExitStack() as stack:
-                assert connect(Wanted(address, 1, ""), stack, Progress()).client.submit(os.getpid).result() == os.getpid()
+        given = {f"distributed.comm.tls.{name}": value for name, value in names.items()}
+        with dask.config.set(given), ExitStack() as stack:
+            client = connect(Wanted(address, 1, ""), stack, Progress()).client
+            assert client.submit(os.getpid).result() == os.getpid()
         with ExitStack() as stack, pytest.raises(InputError, match="No Dask scheduler with a worker answers"):
             connect(Wanted(address, 1, ""), stack, Progress())
 
@@ -182,7 +183,9 @@ def test_a_scheduler_that_runs_already_with_tls_is_reached_by_dasks_own_settings
 def test_a_cluster_file_that_would_open_the_door(options: dict[str, object], tmp_path: Path) -> None:
     path = tmp_path / "cluster.json"
     path.write_text(json.dumps({"cluster": "slurm", "jobs": 1, "options": {"cores": 1, "memory": "1GB", **options}}))
-    with pytest.raises(InputError, match=r"options must not name (security|protocol), as a batch's cluster always uses"):
+    with pytest.raises(
+        InputError, match=r"options must not name (security|protocol), as a batch's cluster always uses"
+    ):
         read_queue(path)
 
 
@@ -191,7 +194,7 @@ def test_a_folder_for_the_certificate_with_a_space_is_refused(tmp_path: Path) ->
     folder.mkdir()
     with (
         ExitStack() as stack,
-        pytest.raises(InputError, match="whose name has a space; name another .* as shared_temp_directory"),
+        pytest.raises(InputError, match=r"whose name has a space; name another .* as shared_temp_directory"),
     ):
         connect(wanted("queue", 1, folder), stack, Progress())
     assert not list(tmp_path.rglob("*.pem"))
