@@ -236,7 +236,8 @@ class _Extraction:
         if large:
             refuse_too_dense(self.cloud, raw.places, raw.counts, self.parameters)
             refuse_full_disk(header, raw.points, self.output.absolute().parent)
-        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS, large, near)
+        odd = raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS
+        return Source(header, frame, region, raw.area, odd, raw.has_class_12, large, near)
 
     def _clip(self, source: Source, plain: Path) -> int:
         """Write the points within the region to ``plain``; how many there are.
@@ -250,7 +251,7 @@ class _Extraction:
         self._keep("clip", kept)
         with cancellation.temporary(self._file("near.las")) as near:
             header = read_near(source, near)
-            if not self.pdal.is_there:
+            if not self.pdal.is_there or (source.has_class_12 and self.pdal.drops_class_12):
                 return clip(header, source.frame, area, plain)
             self._run(pdal_pipelines.clip_pipeline(header.path, plain, header, source.frame, area), source.header.count)
         try:
