@@ -102,15 +102,15 @@ def test_numpys_way_gives_the_loops_cloth_to_the_last_bit():
     rng = np.random.default_rng(4)
     rows, row = 13 + 2 * FRAME, 17 + 2 * FRAME
     state = np.pad(np.full((13, 17), MOVABLE, np.uint8), FRAME, constant_values=ABSENT).ravel()
-    ground = np.pad(np.cumsum(rng.normal(0, 0.3, (13, 17)), axis=1), FRAME, constant_values=np.nan).ravel()
+    ground = np.pad(np.cumsum(rng.normal(0, 0.1, (13, 17)), axis=1), FRAME, constant_values=np.nan).ravel()
     made = []
     for way in (settle, settle.plain):
         cloth = np.full(rows * row, 3.0)
         now = state.copy()
-        steps = way(cloth, cloth.copy(), ground, now, row, np.array([0.51, 0.42]), -0.04, 60)
+        steps = way(cloth, cloth.copy(), ground, now, row, np.array([0.3, 0.3]), -0.1, 30)
         made.append((steps, cloth, now))
     assert made[0][0] == made[1][0]
-    assert 0 < np.count_nonzero(made[0][2] == MOVABLE) < 0.9 * 13 * 17, "some hang, some landed"
+    assert 0 < np.count_nonzero(made[0][2] == MOVABLE) < 0.6 * 13 * 17, "some hang, some landed"
     for one, other in zip(made[0][1:], made[1][1:], strict=True):
         assert np.array_equal(one, other)
 
