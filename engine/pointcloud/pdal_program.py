@@ -33,6 +33,8 @@ NONE = "none"
 """The variable's value for doing without PDAL."""
 CSF_SINCE = (2, 3)
 """PDAL 2.2's filters.csf fails on every cloud (https://github.com/PDAL/PDAL/issues/3463)."""
+NO_CLASS_12_SINCE = (2, 4)
+"""From then on points of formats 0 to 5 with class 12 are read as of class 0 with the overlap flag."""
 PRIVATE = Path(__file__).resolve().parents[2] / ".pdal" / "bin" / "pdal"
 _WORKER = Path(__file__).with_name("pdal_worker.py")
 _UNSAFE = re.compile(r"[\[\]*?#\"\\\x00-\x1f\x7f]" if os.name == "posix" else r"[\[\]*?#\"\x00-\x1f\x7f]")
@@ -62,6 +64,11 @@ class Pdal:
     def has_csf(self) -> bool:
         """Whether its filters.csf works."""
         return self.release >= CSF_SINCE
+
+    @property
+    def drops_class_12(self) -> bool:
+        """Whether it takes class 12 of point formats before 6 for a flag."""
+        return self.release >= NO_CLASS_12_SINCE
 
     def _libraries(self) -> dict[str, str]:
         return {} if self.path is None else library_variables(sys.platform, self.path, os.environ, os.path.isfile)
