@@ -17,6 +17,7 @@ import click
 
 from ..engine.core import cancellation
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
+from ..engine.core.input_files import refuse_unusable
 from ..engine.core.messages import shown
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
@@ -203,6 +204,7 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
             say_of_formats(report)
 
             def work() -> RunResult:
+                refuse_unusable([("pdal", pdal)])  # of a name on PATH, there is no such file
                 used, chosen = _with_settings(settings, groups, values, profile, report)
                 return function(Session(report, pdal, chosen, used), **arguments)
 

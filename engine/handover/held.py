@@ -15,17 +15,17 @@ import geopandas as gpd
 import numpy as np
 import pandas as pd
 import pyogrio
-import rasterio
 import shapely
 from pyproj import CRS
-from rasterio.errors import RasterioError
 
+from ...interface.input_files import RECORD, TABLE
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.gdal_names import readable
+from ..core.input_files import open_input, read_input
 from ..core.json_shapes import anything, fields, moment, number, parse_json, read_json, rows, table, text
 from ..core.messages import shown
-from ..grid.geotiff import Raster, read_raster
+from ..grid.geotiff import Raster, open_any_grid, read_raster
 from ..report.record_shape import inside
 from ..vector.geopackage import read_layer
 
@@ -148,8 +148,8 @@ def find_record(run: Path) -> Path:
 def _command(record: Path) -> str:
     """The command of a run record; empty where it cannot be read."""
     try:
-        document = parse_json(record.read_bytes())
-    except (OSError, ValueError):
+        document = parse_json(read_input(record, RECORD))
+    except (InputError, ValueError):
         return ""
     return str(document.get("command", "")) if isinstance(document, dict) else ""
 
@@ -296,11 +296,8 @@ def _crs(layers: Iterable[HeldLayer], rasters: Iterable[Path]) -> CRS | None:
 
 
 def _raster_crs(path: Path) -> CRS | None:
-    try:
-        with rasterio.open(path, driver="GTiff") as source:
-            return CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
-    except RasterioError as error:
-        raise InputError(f"{shown(path)} cannot be read as a raster; run the command again.") from error
+    with open_any_grid(path) as source:
+        return CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
 
 
 def _days(record: Mapping[str, Any]) -> tuple[date, ...]:
