@@ -204,7 +204,9 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
             say_of_formats(report)
 
             def work() -> RunResult:
-                refuse_unusable([("pdal", pdal)])  # of a name on PATH, there is no such file
+                weights = values.get("weights")
+                # names on PATH and of shipped weights are no files, which is left to those that look for them
+                refuse_unusable([("pdal", pdal), ("weights", Path(weights) if weights else None)])
                 used, chosen = _with_settings(settings, groups, values, profile, report)
                 return function(Session(report, pdal, chosen, used), **arguments)
 

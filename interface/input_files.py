@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -43,13 +44,15 @@ RECORD = InputKind(32 * _MB)  # a run record; its values are counted before they
 TRANSFORM = InputKind(32 * _MB)  # with heights of a bent registration every metre over 1 km²
 FIELD_NAMES = InputKind(1 * _MB)  # 10,000 names
 TABLE = InputKind(16 * _MB)  # manifests and alert levels: 100,000 lines; their cells are counted before they are read
+RUN_TABLE = InputKind(100 * _MB)  # the profiles of a run: 1,000 of 1,000 cells
 CLUSTER = InputKind(1 * _MB)  # some names and numbers
 LABELS = InputKind(64 * _MB)  # a Label Studio export with 100 brush masks; its values are counted, too
 TRAJECTORY = InputKind(160 * _MB)  # four hours at 200 Hz; read line by line
 LAYER = InputKind(
     256 * _MB,  # GDAL and shapely take three times its size; a country's roads or 1,000,000 corners fit
-    # archives, which may hold any size, and files that name other files or addresses
-    refused=(b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf", b"<OGR", b"<VRT", b"<GDAL"),
+    # archives, whose content may have any size, and files that name other files or addresses; of ZIP, which shapefiles
+    # and KML come in, the sizes are added up
+    refused=(b"\x1f\x8b", b"7z\xbc\xaf", b"<OGR", b"<VRT", b"<GDAL"),
     formats="a GeoPackage, shapefile, GeoJSON, KML or FlatGeobuf",
 )
 RASTER = InputKind(
@@ -62,6 +65,7 @@ PHOTO = InputKind(100 * _MB)  # of a camera; its pixels are counted before they 
 PART = InputKind()  # of a file that is several, such as a geodatabase, to be hashed only
 
 _LONGEST_START = 16
+_ZIP = b"PK\x03\x04"
 _SPACE = b"\xef\xbb\xbf \t\r\n"  # before the text of a format
 _MAX_FOLDER_FILES = 10_000  # of a file geodatabase; ten tables have a hundred
 
@@ -91,7 +95,9 @@ def open_input(path: Path, kind: InputKind) -> BinaryIO:
             _refuse_irregular(path, status.st_mode)  # another file may have got the name; no pipe waits, by O_NONBLOCK
             if kind.most_bytes and status.st_size > kind.most_bytes:
                 raise _too_large(path, status.st_size, kind)
-            _refuse_format(path, stream.read(_LONGEST_START), kind)
+            _refuse_format(path, start := stream.read(_LONGEST_START), kind)
+            if kind.most_bytes and start.startswith(_ZIP):
+                _refuse_full_archive(path, stream, kind)
             stream.seek(0)
     except BaseException:
         stream.close()
@@ -170,6 +176,16 @@ def _refuse_format(path: Path, start: bytes, kind: InputKind) -> None:
     known = not kind.starts or start.startswith(kind.starts)
     if not known or (kind.refused and (start.startswith(kind.refused) or text.startswith(kind.refused))):
         raise UnusableFileError(f"{_name(path)} is not {kind.formats}; give one.")
+
+
+def _refuse_full_archive(path: Path, stream: BinaryIO, kind: InputKind) -> None:
+    try:
+        with zipfile.ZipFile(stream) as archive:
+            sizes = [entry.file_size for entry in archive.infolist()]
+    except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
+        raise UnusableFileError(f"{_name(path)} is a damaged archive; copy or export it again.") from error
+    if sum(sizes) > kind.most_bytes or len(sizes) > _MAX_FOLDER_FILES:
+        raise _too_large(path, sum(sizes), kind)
 
 
 def _too_large(path: Path, size: int, kind: InputKind) -> UnusableFileError:

@@ -22,7 +22,7 @@ if sys.version_info >= (3, 11):
 
 _MAX_VALUES = 1_000_000
 _MAX_KEY_DOTS = 20
-_DOTTED = re.compile(r"(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % _MAX_KEY_DOTS)
+_DOTTED = re.compile(rf"""(?:[\w"'-]+[ \t]*\.[ \t]*){{{_MAX_KEY_DOTS}}}""")
 _SHOWN = 300  # characters of a value in a sentence
 _NOT_TAKEN = {s.name for s in OutputParameters.specifications()}
 _REMEDY = "give a run.json, or a JSON or TOML file of settings"

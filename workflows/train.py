@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..engine.core.errors import InputError
+from ..engine.core.input_files import refuse_unusable
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, FineTuneParameters, InputParameters, given
@@ -61,6 +62,8 @@ def train_step(
         InputError: torch or the graphics card is missing; the start weights cannot be used; see ``read_own_clouds``;
             the output folder holds another training or cannot be written.
     """
+    files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
+    refuse_unusable(files)
     require_libraries("Training")
     import torch
 
@@ -75,7 +78,6 @@ def train_step(
         torch.set_num_threads(int(threads))
     start = start_weights(parameters)
     tune: Any = fine_tune_relief if trained_method(parameters) == "relief" else fine_tune
-    files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
     run = Run("train", {p.record_name: p for p in (inputs, parameters)}, files, progress)
     first = start.path if start else None
     run.refuse_folder(output_dir, [*NAMES.values()], overwrite=overwrite, also=[first] if first else [])

@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 from ...interface import input_files
 from ...interface.input_files import (
+    CLUSTER,
     FIELD_NAMES,
     LABELS,
     LAYER,
@@ -22,6 +23,7 @@ from ...interface.input_files import (
     TABLE,
     TRAJECTORY,
     TRANSFORM,
+    WEIGHTS,
     InputKind,
     is_geodatabase,
 )
@@ -81,7 +83,9 @@ def _refusals() -> Iterator[None]:
 
 
 _KINDS = {
-    **dict.fromkeys(("roi", "stable", "profiles", "centreline", "classes", "segments", "polygons", "plan", "layer"), LAYER),
+    **dict.fromkeys(
+        ("roi", "stable", "profiles", "centreline", "classes", "segments", "polygons", "plan", "layer"), LAYER
+    ),
     **dict.fromkeys(("tasks", "export"), LABELS),
     "transform": TRANSFORM,
     "field_names": FIELD_NAMES,
@@ -90,6 +94,8 @@ _KINDS = {
     "run": RECORD,
     "trajectory": TRAJECTORY,
     "picture": RASTER,
+    "cluster": CLUSTER,
+    "weights": WEIGHTS,
 }
 """By the role of an input in the run record."""
 
@@ -120,7 +126,9 @@ def refuse_odd_outputs(outputs: Iterable[Path]) -> None:
             mode = os.stat(output).st_mode
         except OSError as error:
             if error.errno == errno.ELOOP:
-                raise InputError(f"The output {shown(output)} is a link that leads back to itself; remove it.") from error
+                raise InputError(
+                    f"The output {shown(output)} is a link that leads back to itself; remove it."
+                ) from error
             continue  # mostly there is none yet; the rest is said where it is written
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
             raise InputError(f"The output {shown(output)} is a pipe or a device; choose another name.")

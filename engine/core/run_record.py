@@ -66,6 +66,8 @@ class RunRecord:
             files = parts_of(path)
             digest = sha256(*files)
             size = sum(p.stat().st_size for p in files)
+        except InputError:
+            raise
         except OSError as error:
             raise InputError(f"{path} cannot be read ({error.strerror}); check its permissions.") from error
         self.inputs.append({"role": role, "path": str(path), "bytes": size, "sha256": digest})

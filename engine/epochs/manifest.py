@@ -120,7 +120,9 @@ def read_table(path: Path, what: str) -> list[tuple[int, list[str]]]:
     except ValueError as error:
         raise InputError(f"The {what} {shown(path)} is no text in UTF-8; save it as CSV in UTF-8.") from error
     if sum(map(text.count, ",;\n\r")) > _MAX_CELLS:
-        raise InputError(f"The {what} {shown(path)} has more than {_MAX_CELLS:,} cells; check that it is the right one.")
+        raise InputError(
+            f"The {what} {shown(path)} has more than {_MAX_CELLS:,} cells; check that it is the right one."
+        )
     first = text.partition("\n")[0]
     reader = csv.reader(io.StringIO(text), delimiter=";" if first.count(";") > first.count(",") else ",")
     try:

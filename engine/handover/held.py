@@ -18,11 +18,11 @@ import pyogrio
 import shapely
 from pyproj import CRS
 
-from ...interface.input_files import RECORD, TABLE
+from ...interface.input_files import PART, RASTER, RECORD, RUN_TABLE
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.gdal_names import readable
-from ..core.input_files import open_input, read_input
+from ..core.input_files import check_input, open_input, read_input
 from ..core.json_shapes import anything, fields, moment, number, parse_json, read_json, rows, table, text
 from ..core.messages import shown
 from ..grid.geotiff import Raster, open_any_grid, read_raster
@@ -215,6 +215,8 @@ def _there(files: Mapping[str, Path], command: str) -> dict[str, Path]:
             f"{shown(lost.parent)} lacks {shown(lost.name)}, which its run record names; run {command} again, or put "
             "the file back."
         )
+    for path in kept.values():
+        check_input(path, RASTER if path.suffix == ".tif" else PART)
     return kept
 
 
@@ -271,7 +273,8 @@ def _surfaces(path: Path, record: Mapping[str, Any]) -> dict[str, Raster]:
 def read_sections(path: Path) -> tuple[Section, ...]:
     """The sections of a table of profiles; InputError where it is none."""
     try:
-        cells = pd.read_csv(path)
+        with open_input(path, RUN_TABLE) as stream:
+            cells = pd.read_csv(stream)
         groups = [(str(name), cells_of) for name, cells_of in cells.groupby("profile", sort=False)]
         return tuple(_section(name, part) for name, part in groups if len(part) > 1)
     except (ValueError, KeyError, pd.errors.ParserError) as error:

@@ -109,7 +109,10 @@ def photo(path: Path, text: str) -> Picture:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of odd tags, and of many pixels, which are limited here
-            with open_input(path, PHOTO) as stream, Image.open(stream, formats=["JPEG", "PNG", "TIFF", "WEBP"]) as source:
+            with (
+                open_input(path, PHOTO) as stream,
+                Image.open(stream, formats=["JPEG", "PNG", "TIFF", "WEBP"]) as source,
+            ):
                 if source.width * source.height > _MAX_PIXELS:
                     raise ValueError("too large")
                 source.draft("RGB", (2 * _PHOTO_PIXELS, 2 * _PHOTO_PIXELS))
@@ -117,7 +120,7 @@ def photo(path: Path, text: str) -> Picture:
                 rgba = ImageOps.exif_transpose(source).convert("RGBA")
         image = Image.new("RGB", rgba.size, "white")
         image.paste(rgba, mask=rgba.getchannel("A"))
-    except _DAMAGED as error:
+    except (InputError, *_DAMAGED) as error:
         raise ValueError(f"{path.name} cannot be read as a picture") from error
     stream = io.BytesIO()
     image.save(stream, "JPEG", quality=_PHOTO_QUALITY)

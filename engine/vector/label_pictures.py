@@ -15,8 +15,8 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
-from ..core.arrays import Bool
 from ...interface.input_files import LABELS, PICTURE
+from ..core.arrays import Bool
 from ..core.errors import InputError
 from ..core.input_files import read_input
 from ..core.json_shapes import anything, fields, number, read_json, rows, table, text

@@ -13,6 +13,7 @@ from pathlib import Path
 import click
 from slopewatch.cli.program import cli
 
+
 def _commands() -> Iterator[tuple[str, click.Command]]:
     for name, program in cli.commands.items():
         if isinstance(program, click.Group):
@@ -33,7 +34,7 @@ FILE_TEXTS = {
 }  # fmt: skip
 """Texts that name a file, and how."""
 WORDS = {
-    "actions", "author", "centreline_layer", "chainage_range", "checker", "class_field", "client", "crs",
+    "actions", "author", "velocities", "centreline_layer", "chainage_range", "checker", "class_field", "client", "crs",
     "dashboard_address", "email", "epoch_from", "epoch_to", "flight_dates", "flying_height", "formats", "label_field",
     "labels", "layer", "licence", "metadata_title", "organisation", "orientation", "picture_address", "profile_field",
     "project_title", "report_remarks", "report_route", "route_name", "schema", "sensor", "slope_name",
@@ -72,7 +73,7 @@ SOUND: dict[str, dict[str, str]] = {
     "check": {},
 }
 """What each command needs besides the option that is tried: parameter and kind of file; after = it is a text."""
-_WITH = {"field_names": {"centreline": "line"}, "scheduler": {}}
+_WITH = {"field_names": {"centreline": "line"}}
 """What an option needs besides."""
 
 
@@ -88,6 +89,11 @@ class FileOption:
         return str(self.parameter.name)
 
     @property
+    def ending(self) -> str:
+        """Without which a text is taken for something else than a file."""
+        return ".json" if self.name == "scheduler" else ""
+
+    @property
     def takes_folders(self) -> bool:
         return (self.command, self.name) in FOLDERS
 
@@ -97,6 +103,8 @@ class FileOption:
     def arguments(self, bad: Path, files: Mapping[str, Path], out: Path) -> list[str]:
         """The command line with ``bad`` for this parameter and sound files for those that are needed."""
         given = {**SOUND[self.command], **_WITH.get(self.name, {})}
+        if self.name == "source" and self.command == "series":
+            given.pop("epochs")  # instead of which it is given
         values = {name: _values(name, kinds, files, out) for name, kinds in given.items()}
         text = FILE_TEXTS.get(self.name, "{}").format(bad)
         values[self.name] = [text, *values.get(self.name, [])[1:]]

@@ -48,6 +48,8 @@ class FileHashes:
             if kept is None or kept[:2] != stamp:
                 self._known[str(path)] = kept = [*stamp, sha256(*files)]
                 self._new = True
+        except InputError:
+            raise
         except OSError as error:
             raise InputError(f"{shown(path)} cannot be read ({error.strerror}); check its permissions.") from error
         return str(kept[2])
