@@ -63,7 +63,8 @@ def train_step(
             the output folder holds another training or cannot be written.
     """
     files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
-    refuse_unusable(files)
+    start_file = None if parameters.start in SHIPPED_OR_NONE else Path(parameters.start)
+    refuse_unusable([*files, ("weights", start_file)])  # before torch is loaded
     require_libraries("Training")
     import torch
 
