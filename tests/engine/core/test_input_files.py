@@ -98,6 +98,21 @@ def test_the_first_bytes_decide(tmp_path):
         refused(tmp_path / "a.vrt", "is not a GeoPackage", LAYER)
 
 
+def test_text_of_a_layer_may_be_smaller_only(tmp_path):
+    for name, start, words in (
+        ("a.geojson", b' {"type"', "of text"),
+        ("a.kml", b"<?xml", "of text"),
+        ("a.fgb", b"fgb", ""),
+    ):
+        with (tmp_path / name).open("wb") as file:
+            file.write(start)
+            file.truncate(LAYER.most_text_bytes + 1)
+        if words:
+            refused(tmp_path / name, words, LAYER)
+        else:
+            check_input(tmp_path / name, LAYER)
+
+
 def test_an_archive_counts_with_its_content(tmp_path):
     with zipfile.ZipFile(tmp_path / "bomb.shz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for part in range(3):

@@ -246,9 +246,7 @@ def test_a_pdal_that_hangs_is_ended_and_the_users_cloud_is_named(las_file, tmp_p
     hanging.chmod(0o755)
     pipeline = copy_pipeline(las_file(tmp_path / "part.las"), tmp_path / "out.las")
     began = time.monotonic()
-    with pytest.raises(
-        InputError, match=r"did not finish '.*slope\.las' within 0 minutes; clip the cloud"
-    ):
+    with pytest.raises(InputError, match=r"did not finish '.*slope\.las' within 0 minutes; clip the cloud"):
         Pdal(hanging, "2.8.0", "test").run(pipeline, time_limit_s=1.0, cloud=tmp_path / "slope.las")
     assert time.monotonic() - began < PATIENCE_S
     assert not (tmp_path / "out.las").exists()
