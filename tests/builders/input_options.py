@@ -24,7 +24,7 @@ def _commands() -> Iterator[tuple[str, click.Command]]:
 
 COMMANDS = dict(_commands())
 OUTPUTS = {
-    *((command, name) for command in COMMANDS for name in ("output_dir", "output")),
+    *((command, name) for command in COMMANDS for name in ("output_dir", "output", "temporary_folder")),
     ("register", "transform"), *(("screen", name) for name in ("zones", "raster", "smallest_hazard", "map_path")),
 }  # fmt: skip
 """Paths that are written."""

@@ -99,16 +99,12 @@ def test_the_first_bytes_decide(tmp_path):
 
 
 def test_text_of_a_layer_may_be_smaller_only(tmp_path):
-    for name, start, words in (
-        ("a.geojson", b' {"type"', "of text"),
-        ("a.kml", b"<?xml", "of text"),
-        ("a.fgb", b"fgb", ""),
-    ):
+    for name, start in {"a.geojson": b' {"type"', "a.kml": b"<?xml", "a.fgb": b"fgb"}.items():
         with (tmp_path / name).open("wb") as file:
             file.write(start)
             file.truncate(LAYER.most_text_bytes + 1)
-        if words:
-            refused(tmp_path / name, words, LAYER)
+        if name != "a.fgb":
+            refused(tmp_path / name, "of text", LAYER)
         else:
             check_input(tmp_path / name, LAYER)
 
