@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from ..engine.core.earlier_results import refuse_results
+from ..engine.core.input_files import refuse_odd_outputs, refuse_unusable
 from ..engine.core.json_values import plain
 from ..engine.core.part_folders import settle, settle_around
 from ..engine.core.progress import Progress
@@ -87,11 +88,14 @@ class Run:
     def refuse_outputs(self, outputs: Iterable[Path], *, also: Iterable[Path] = ()) -> None:
         """Raise InputError if an output is an input, one of the run's or of ``also``, or two outputs are one file.
 
+        Before that, if an input is no file that its kind can be, or an output is a pipe or a device.
         What killed runs left in the outputs' folders is undone first (see ``settle``).
         """
         outputs = list(outputs)
         for folder in {output.absolute().parent for output in outputs}:
             settle(folder)
+        refuse_unusable([*self.inputs, *(("", path) for path in also)])
+        refuse_odd_outputs(outputs)
         refuse_inputs_as_outputs(outputs, [*(path for _, path in self.inputs if path is not None), *also])
 
     def refuse_folder(self, folder: Path, names: Sequence[str], *, overwrite: bool, also: Iterable[Path] = ()) -> None:

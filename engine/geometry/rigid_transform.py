@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from pyproj import CRS
 
+from ...interface.input_files import TRANSFORM
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.json_shapes import fields, maybe, number, read_json, rows, text
@@ -217,6 +218,6 @@ def _is_no_number(value: Any) -> bool:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return dict(read_json(path, _SHAPE, _SENTENCE))
+        return dict(read_json(path, _SHAPE, _SENTENCE, TRANSFORM))
     except FileNotFoundError as error:
         raise InputError(_SENTENCE.format(path=shown(path), why="it does not exist")) from error

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from ...interface.input_files import PART
 from ..core.errors import InputError
+from ..core.input_files import open_input
 from ..core.messages import shown
 from .laz_chunks import LazLayout, PointBlock, laz_layout
 
@@ -108,9 +110,7 @@ def preflight(path: Path | str) -> CloudHeader:
             raise InputError(f"{name} does not exist; check the path of the point cloud.")
         if path.is_dir():
             raise InputError(f"{name} is a folder; give the LAS or LAZ file inside it.")
-        if not path.is_file():
-            raise InputError(f"{name} is not a regular file; give a LAS or LAZ file on disk.")
-        with path.open("rb") as stream:
+        with open_input(path, PART) as stream:  # what is no LAS file is said more exactly below
             return _read(stream, path, os.fstat(stream.fileno()).st_size)
     except OSError as error:
         reason = error.strerror or type(error).__name__

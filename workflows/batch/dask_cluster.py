@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import json
 import os
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -17,9 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.core.errors import EngineError, InputError
+from ...engine.core.input_files import read_input
+from ...engine.core.json_shapes import parse_json
 from ...engine.core.messages import quoted, shown
 from ...engine.core.progress import Progress
 from ...engine.core.temporary_folders import temporary_folder
+from ...interface.input_files import CLUSTER
 
 LOCAL = "local"
 _QUEUES = {
@@ -118,10 +120,8 @@ def read_queue(path: Path) -> Queue:
     """
     name = shown(path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"The cluster file {name} cannot be read ({error.strerror}); check the path.") from error
-    except (ValueError, RecursionError) as error:
+        document = parse_json(read_input(path, CLUSTER))
+    except ValueError as error:
         raise InputError(f"The cluster file {name} is no JSON in UTF-8; correct it.") from error
     document = document if isinstance(document, dict) else {}
     kind, jobs, options = (document.get(key) for key in ("cluster", "jobs", "options"))
