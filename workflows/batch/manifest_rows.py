@@ -74,7 +74,7 @@ def _folder_rows(source: Path) -> Table:
         region = next((f for end in _ROI_ENDINGS for f in [folder / f"roi{end}"] if f.is_file()), None)
         for cloud in clouds:
             day = date_in_name(cloud)
-            values = {"slope": name, "date": day.isoformat() if day else "", "roi": str(region or "")}
+            values = {"slope": name, "date": day.isoformat() if day else "", "roi": str(region.absolute()) if region else ""}
             problem = "" if day else f"the name of {shown(cloud.name)} does not hold exactly one date; rename it."
             rows.append(Row(place, values, path=cloud.absolute(), problem=problem))
     return Table((*NEEDED, "roi"), tuple(rows), source)
