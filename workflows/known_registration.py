@@ -69,7 +69,7 @@ def given_registration(transform_path: Path | None) -> KnownRegistration:
     return KnownRegistration(RigidTransform.load(transform_path), registration_facts(transform_path))
 
 
-def recorded_registration(moving: Path, hashes: tuple[str, str], progress: Progress) -> KnownRegistration:
+def recorded_registration(moving: Path, hashes: tuple[str, ...], progress: Progress) -> KnownRegistration:
     """As the record of ``register`` beside ``moving`` states it.
 
     It counts only if it was written for this very cloud and this reference.

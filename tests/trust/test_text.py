@@ -170,7 +170,9 @@ STYLES = {
     "footprints": qgis_styles.footprints_qml,
     "series": lambda: qgis_styles.series_zones_qml(read_alerts(None)),
     "corridor zones": lambda: qgis_styles.corridor_zones_qml(("zone_id", "slope", "attention")),
-    "corridor alerts": lambda: qgis_styles.corridor_alerts_qml(("slope", "state", "reason"), ("raised",), ("state",)),
+    "corridor alerts": lambda: qgis_styles.corridor_alerts_qml(
+        ("slope", "state"), ("raised", "acknowledged", "closed"), ("state",)
+    ),
 }
 EVALUATE = """
 import sys
@@ -205,7 +207,11 @@ def test_map_tips_show_text_as_text(name: str) -> None:
     if subprocess.run(["/usr/bin/python3", "-c", "import qgis.core"], capture_output=True, check=False).returncode:
         pytest.skip("QGIS's Python is not here")
     done = subprocess.run(
-        ["/usr/bin/python3", "-c", EVALUATE], input=f"{tip}\0<img src=x>&[% 1 + 1 %]", capture_output=True, text=True, check=True
+        ["/usr/bin/python3", "-c", EVALUATE],
+        input=f"{tip}\0<img src=x>&[% 1 + 1 %]",
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert "<img" not in done.stdout
     assert "&lt;img src=x>&amp;[% 1 + 1 %]" in done.stdout
