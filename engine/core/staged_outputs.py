@@ -16,7 +16,7 @@ from .part_folders import OWNER, part_folder
 
 _SIDECARS = ("-wal", "-shm", "-journal")
 """Of a GeoPackage that a program has open: they belong to the file that is replaced, and would damage the new one."""
-_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _MIN_FREE_BYTES = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
 
 
@@ -42,7 +42,7 @@ def atomic_output(path: Path, check: Callable[[Path], None] | None = None) -> It
         except PermissionError as error:
             raise InputError(f"{path} cannot be written ({error.strerror}); choose another output folder.") from error
         except OSError as error:
-            if error.errno in _NO_SPACE:
+            if error.errno in NO_SPACE:
                 sentence = f"{path} cannot be written ({error.strerror}); free some space or choose another folder."
                 raise InputError(sentence) from error
             raise
@@ -167,7 +167,7 @@ def _blame_full_disk(directory: Path, error: Exception) -> None:
     except OSError:
         return
     reason = f"{type(error).__name__}: {next(iter(str(error).splitlines()), 'no text')}"
-    if free < _MIN_FREE_BYTES or (isinstance(error, OSError) and error.errno in _NO_SPACE):
+    if free < _MIN_FREE_BYTES or (isinstance(error, OSError) and error.errno in NO_SPACE):
         raise InputError(
             f"Writing to {directory} failed, and its disk has {free / 1e6:.1f} MB left; free some space or choose "
             f"another output folder ({reason})."

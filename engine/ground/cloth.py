@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import json
 import math
 import os
+import shutil
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +20,8 @@ from scipy import ndimage
 from ...interface.parameters import GroundParameters
 from ..core import cancellation, child_process
 from ..core.errors import EngineError, InputError
+from ..core.messages import shown
+from ..core.staged_outputs import NO_SPACE
 from ..geometry.columns import greatest, least, spans
 
 MAX_CLOTH_PARTICLES = 16_000_000
@@ -23,6 +29,7 @@ MAX_CLOTH_PARTICLES = 16_000_000
 MAX_SEARCH_STEPS, MAX_BARE_PARTICLES = 1e8, 500
 """Steps of the library's search along rows, and particles in bare rows and columns: more take over ten seconds."""
 _MAX_DISTANCE_CELLS = 3.0
+_MIN_FREE_BYTES = 1_000_000
 _WORKER = Path(__file__).with_name("cloth_worker.py")
 _BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000_000
 
@@ -58,7 +65,11 @@ def cloth_ground(
     if not np.isfinite(low).all() or not np.isfinite(greatest(xyz)).all():
         raise InputError("The cloud has coordinates that are not finite numbers; remove them before the ground filter.")
     particles = refuse_large_cloth(xyz, parameters.cloth_resolution)
-    with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, cancellation.temporary(Path(name)) as folder:
+    with (
+        _space_refused(),
+        tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name,
+        cancellation.temporary(Path(name)) as folder,
+    ):
         # small coordinates keep the cloth's digits
         points = xyz - low
         added = [filling(points, parameters.cloth_resolution)]
@@ -86,12 +97,30 @@ def cloth_ground(
                 "The cloth filter (cloth-simulation-filter) is not there, as it has no build for this Python; install "
                 "PDAL 2.3 or newer, or set the engine up again from Python 3.10 to 3.12."
             )
+        if result.returncode and _is_full(folder, result.stderr):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         if result.returncode:
             reason = result.stderr.decode(errors="replace").strip().splitlines()[-1:]
             raise EngineError(
                 f"the cloth simulation failed (exit code {result.returncode}{', ' if reason else ''}{''.join(reason)})"
             )
         return np.asarray(np.load(folder / "ground.npy")[: len(xyz)], dtype=np.bool_)
+
+
+@contextlib.contextmanager
+def _space_refused() -> Iterator[None]:
+    """Name the folder for temporary files if it is full. numpy says only how many bytes it has not written."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in NO_SPACE or (error.errno is None and "requested" in str(error)):
+            folder = shown(tempfile.gettempdir())
+            raise InputError(f"The folder for temporary files {folder} is full; free some space there.") from error
+        raise
+
+
+def _is_full(folder: Path, complaint: bytes) -> bool:
+    return shutil.disk_usage(folder).free < _MIN_FREE_BYTES and (b"OSError" in complaint or b"No space" in complaint)
 
 
 def _anchor(points: NDArray[np.float64], steps: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
