@@ -23,7 +23,7 @@ from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
 from .early_memory import refuse_grid_early
-from .known_registration import KnownRegistration, given_registration, recorded_registration
+from .known_registration import KnownRegistration, given_registration
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .movement import Surveys, moved_zones_of
@@ -61,8 +61,7 @@ def change_step(
     run.read_reviews(output_dir, ("zones.gpkg",))
     registered = given_registration(transform_path)
     hashes = run.hash_inputs()[:2]
-    if transform_path is None:
-        registered = recorded_registration(moving, hashes, progress)
+    registered = registered.or_recorded(moving, hashes, progress)
     _record(run, registered)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     require_comparable(reference, moving, settings.inputs)
@@ -85,8 +84,7 @@ def change_step(
                 method=method_name(settings.change, change.direction),
                 run_id=run.run_id(hashes),
             )
-            centre = None if registered.transform is None else registered.transform.centre
-            surveys = Surveys(first, second, registered.facts.get("covariance"), centre)
+            surveys = Surveys(first, second, registered.facts.get("covariance"), registered.centre)
             zones = moved_zones_of(run, change, surveys, context, settings)
         del first, second, surveys
         with run.step("products", 0.5, 0.99, "writing outputs"):

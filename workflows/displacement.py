@@ -29,7 +29,7 @@ from ..engine.pointcloud.reading import read_cloud
 from ..engine.report.compose import REPORT
 from ..engine.report.motion_facts import doubts, motion_facts, refused
 from ..interface.parameters import given
-from .known_registration import KnownRegistration, given_registration, recorded_registration
+from .known_registration import KnownRegistration, given_registration
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .motion_memory import MotionMemory, measurable, refuse_motion_early
@@ -78,8 +78,7 @@ def displacement_step(
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
     hashes = run.hash_inputs()[:2]
-    if transform_path is None:
-        known = recorded_registration(moving, hashes, progress)
+    known = known.or_recorded(moving, hashes, progress)
     if known.transform is not None:
         run.facts["transform"] = known.transform.matrix
     run.related = layers_on_cloud(layers, (settings.road, None), reference, settings.inputs, progress)

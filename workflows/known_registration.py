@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..engine.core.arrays import Float
 from ..engine.core.errors import InputError
 from ..engine.core.json_shapes import fields, maybe, number, read_json, rows, text
 from ..engine.core.messages import shown
@@ -48,6 +49,15 @@ class KnownRegistration:
     def to_apply(self) -> RigidTransform | None:
         """What still moves the later cloud."""
         return None if self.applied else self.transform
+
+    @property
+    def centre(self) -> Float | None:
+        """What the transform turns about, (3,) m."""
+        return None if self.transform is None else self.transform.centre
+
+    def or_recorded(self, moving: Path, hashes: tuple[str, ...], progress: Progress) -> KnownRegistration:
+        """This one, or that of the record beside ``moving`` if none is given; see ``recorded_registration``."""
+        return self if self.transform is not None else recorded_registration(moving, hashes, progress)
 
     @property
     def error(self) -> float | None:

@@ -34,7 +34,7 @@ from ..engine.m3c2.surveys import Survey
 from ..engine.pointcloud.reading import open_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
 from ..interface.parameters import AUTO, DistanceParameters, given
-from .known_registration import KnownRegistration, given_registration, recorded_registration
+from .known_registration import KnownRegistration, given_registration
 from .m3c2_clouds import Cores, choose_cores, read_clouds, refuse_memory_early
 from .pair import SPOOL, dated_pair, stable_area
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
@@ -99,8 +99,7 @@ def m3c2_step(
     registered = given_registration(transform_path)
     _refuse_clouds(run, epochs, core, settings)
     hashes = run.hash_inputs()[:2]
-    if transform_path is None:
-        registered = recorded_registration(moving, hashes, progress)
+    registered = registered.or_recorded(moving, hashes, progress)
     if registered.transform is not None:
         run.facts["transform"] = registered.transform.matrix
     error = _registration_error(parameters, registered, progress)
