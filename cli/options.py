@@ -247,7 +247,7 @@ def _run(report: Reporter, debug: bool, work: Callable[[], RunResult], name: str
         with contextlib.suppress(BrokenPipeError):  # as by `| head`: everything is written, and the reader has enough
             report.result(done, conclusion(name, done))
         _flush_or_drop()
-        return 0
+        return done.exit_code
     except SlopeWatchError as known:
         error = known
     except ParameterError as wrong:

@@ -149,7 +149,7 @@ def keep_pipeline(pipeline: list[Stage], path: Path, final: Path | None = None) 
 
 
 def find_pdal(setting: Path | str | None = None) -> Pdal:
-    """The PDAL to use: SLOPEWATCH_PDAL, then ``setting``, then the Python package, then what is found.
+    """The PDAL to use: ``setting``, then SLOPEWATCH_PDAL, then the Python package, then what is found.
 
     Found is what came with QGIS, on PATH, in conda or in the private prefix; of these the newest is taken, the first
     of equals. ``NO_PDAL`` where there is none, or where the variable says ``NONE``.
@@ -164,12 +164,12 @@ def find_pdal(setting: Path | str | None = None) -> Pdal:
 @functools.lru_cache(maxsize=8)
 def _find(variable: str, setting: str, search_path: str, qgis: str, conda: str) -> Pdal:
     """``find_pdal`` in an environment, of which those three variables decide."""
-    if variable == NONE:
-        return Pdal(None, "", f"environment variable {VARIABLE}")
     for given, how, remedy in (
-        (variable, f"environment variable {VARIABLE}", f"correct or unset {VARIABLE}"),
         (setting, "setting", "correct the setting (--pdal)"),
+        (variable, f"environment variable {VARIABLE}", f"correct or unset {VARIABLE}"),
     ):
+        if given == NONE and given is variable:
+            return Pdal(None, "", how)
         if given:
             program = shutil.which(given, path=search_path) or given
             version = _version_of([program, "--version"])

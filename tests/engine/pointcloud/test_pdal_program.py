@@ -49,14 +49,16 @@ def real_pdal() -> Pdal:
     return any_pdal()
 
 
-def test_the_variable_comes_before_the_setting_and_the_setting_before_the_rest(bare, monkeypatch):
+def test_the_setting_comes_before_the_variable_and_the_variable_before_the_rest(bare, monkeypatch):
     program(bare / "bin" / "pdal", "2.9.1")
+    named = program(bare / "named" / "mine", "2.3.0")
     setting = program(bare / "chosen" / "pdal", "2.4.0")
-    assert (find_pdal(setting).version, find_pdal(setting).how) == ("2.4.0", "setting")
-    monkeypatch.setenv(module.VARIABLE, str(program(bare / "named" / "mine", "2.3.0")))
-    found = find_pdal(setting)
-    assert (found.version, found.path) == ("2.3.0", bare / "named" / "mine")
-    assert module.VARIABLE in found.how
+    monkeypatch.setenv(module.VARIABLE, str(named))
+    assert (find_pdal().version, find_pdal().path) == ("2.3.0", named)
+    assert module.VARIABLE in find_pdal().how
+    for variable in (str(named), "none"):
+        monkeypatch.setenv(module.VARIABLE, variable)
+        assert (find_pdal(setting).version, find_pdal(setting).how) == ("2.4.0", "setting")
 
 
 @pytest.mark.parametrize(
