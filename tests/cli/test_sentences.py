@@ -1,11 +1,9 @@
-"""Odd clouds and full disks end with exit code 2 and a sentence that names the user's file and the remedy."""
+"""Odd clouds end with exit code 2 and a sentence that names the user's file and the remedy."""
 
 from __future__ import annotations
 
 import os
-import resource
 import struct
-import sys
 from pathlib import Path
 
 import geopandas
@@ -16,10 +14,8 @@ import shapely
 from pyproj import CRS
 from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.core.progress import Progress
-from slopewatch.engine.ground.cloth import cloth_ground
 from slopewatch.engine.pointcloud.header import MAX_EXTRA_DIMENSIONS, preflight
 from slopewatch.engine.pointcloud.pdal_program import find_pdal
-from slopewatch.interface.parameters import GroundParameters
 from slopewatch.tests.builders.epoch_pairs import SIDE, X, Y, slope, write
 from slopewatch.tests.builders.program import run
 
@@ -113,21 +109,6 @@ def _region(folder: Path) -> Path:
     area = shapely.box(X + 1, Y + 1, X + SIDE - 3, Y + SIDE - 3)
     geopandas.GeoDataFrame(geometry=[area], crs=32651).to_file(folder / "roi.geojson")
     return folder / "roi.geojson"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="limits a file's size")
-def test_a_full_folder_for_temporary_files_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A limit on the size of files ends a write as a full disk does."""
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
-    try:
-        with pytest.raises(InputError) as caught:
-            cloth_ground(slope(1), GroundParameters())
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert str(caught.value) == f"The folder for temporary files '{tmp_path}' is full; free some space there."
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
