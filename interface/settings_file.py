@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .input_files import SETTINGS, TOML_SETTINGS, UnusableFileError, read_input
+from .input_files import SETTINGS, TOML_SETTINGS, MissingFileError, UnusableFileError, read_input
 from .parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification, command_sets
 
 if sys.version_info >= (3, 11):
@@ -104,6 +104,8 @@ def _content(path: Path) -> dict[str, Any]:
     kind = "TOML" if path.suffix.lower() == ".toml" else "JSON"
     try:
         text = read_input(path, TOML_SETTINGS if kind == "TOML" else SETTINGS).decode("utf-8-sig")
+    except MissingFileError:
+        raise ParameterError(f"{path} does not exist; {_REMEDY}") from None
     except UnusableFileError as error:
         raise ParameterError(str(error).rstrip(".")) from None
     except ValueError:

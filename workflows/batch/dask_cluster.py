@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import json
 import os
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -17,7 +18,6 @@ from typing import Any
 
 from ...engine.core.errors import EngineError, InputError
 from ...engine.core.input_files import read_input
-from ...engine.core.json_shapes import parse_json
 from ...engine.core.messages import quoted, shown
 from ...engine.core.progress import Progress
 from ...engine.core.temporary_folders import temporary_folder
@@ -120,8 +120,8 @@ def read_queue(path: Path) -> Queue:
     """
     name = shown(path)
     try:
-        document = parse_json(read_input(path, CLUSTER))
-    except ValueError as error:
+        document = json.loads(read_input(path, CLUSTER).decode())
+    except (ValueError, RecursionError) as error:
         raise InputError(f"The cluster file {name} is no JSON in UTF-8; correct it.") from error
     document = document if isinstance(document, dict) else {}
     kind, jobs, options = (document.get(key) for key in ("cluster", "jobs", "options"))
