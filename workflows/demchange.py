@@ -18,6 +18,7 @@ from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.elevation_models.checks import refuse_other_ground, refuse_other_systems
 from ..engine.elevation_models.comparison import ModelChange, compare_models
+from ..engine.elevation_models.coregistration import MIN_EQUATIONS, TooFewCells
 from ..engine.elevation_models.model import ElevationModel, read_model
 from ..engine.elevation_models.one_grid import on_one_grid
 from ..engine.elevation_models.sentences import coregistration_facts, stable_doubt
@@ -193,15 +194,21 @@ def _compare(
     for number, (i, j) in enumerate(indices):
         first, second = models[i], models[j]
         run.progress.update(number / len(indices), f"comparing {epochs[i].name} and {epochs[j].name}")
-        found = compare_models(
-            first.heights,
-            second.heights,
-            first.grid,
-            confidence=settings.elevation_models.confidence,
-            stable=stable,
-            plan=settings.elevation_models.plan_shift,
-            steps=(first.step, second.step),
-        )
+        try:
+            found = compare_models(
+                first.heights,
+                second.heights,
+                first.grid,
+                confidence=settings.elevation_models.confidence,
+                stable=stable,
+                plan=settings.elevation_models.plan_shift,
+                steps=(first.step, second.step),
+            )
+        except TooFewCells as error:
+            raise InputError(
+                f"{shown(first.path)} and {shown(second.path)} have fewer than {MIN_EQUATIONS} common cells of stable "
+                "ground; give models with a larger common part, or a larger --stable area."
+            ) from error
         pair = Pair((i, j), epochs[i], epochs[j], found)
         pairs.append(pair)
         facts = coregistration_facts(found, pair.first.name, pair.second.name)

@@ -70,7 +70,7 @@ def compare_models(
         steps: whole multiples of what the heights of either model are, metres; 0 for none.
 
     Raises:
-        ValueError: too few common cells.
+        TooFewCells: too few common cells.
     """
     floor = float(np.hypot(*steps) * _STEPS_ERROR)
     partition = Partition(grid.shape, grid.cell)

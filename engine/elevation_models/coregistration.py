@@ -36,10 +36,14 @@ _MIN_PYRAMID_CELLS = 40  # along the shorter side of the coarsest level
 _COARSEST = 8
 _ROUNDS = 12
 _CONVERGED_CELLS = 1e-3
-_MIN_EQUATIONS = 100
+MIN_EQUATIONS = 100
 _NEAR_CELLS = 31  # along the side of the square around a cell
 _MIN_RISE_RATIO = 0.5  # of the variance of the rises that both models show to that of their errors
 _MAX_ROUNDS_OF_WEIGHTS, _CONVERGED_M = 20, 1e-6
+
+
+class TooFewCells(ValueError):
+    """The stable ground that both models show has fewer than ``MIN_EQUATIONS`` cells."""
 
 
 @dataclass(frozen=True)
@@ -111,12 +115,12 @@ def coregister(
         plan: whether a shift in plan is asked for.
 
     Raises:
-        ValueError: fewer than a hundred common cells.
+        TooFewCells: fewer than ``MIN_EQUATIONS`` common cells.
     """
     before = moving - reference
     used = np.isfinite(before) & (True if stable is None else stable)
-    if int(used.sum()) < _MIN_EQUATIONS:
-        raise ValueError(f"{int(used.sum())} cells are too few to coregister elevation models")
+    if int(used.sum()) < MIN_EQUATIONS:
+        raise TooFewCells
     spread = nmad(before[used])
     alone = _with_bias(reference, moving, used, cell, spread)
     if not plan:
@@ -202,7 +206,7 @@ def _fitted(reference: Float, moving: Float, stable: Bool | None, cell: float, s
         dz = moved(moving, np.array([*(start + further), 0.0]), cell) - reference
         used = risen & np.isfinite(dz)
         place = np.flatnonzero(used)
-        if place.size < _MIN_EQUATIONS:
+        if place.size < MIN_EQUATIONS:
             return None
         sigma = _scatter(dz, east, north, used).ravel()[place]
         design = np.stack([-_about_near(part, used)[used] for part in (east, north)], axis=1)
@@ -226,7 +230,7 @@ def _shared_rise(design: Float, dz: Float, used: Bool, cell: float) -> float:
     """
     noise = np.stack([part[used] for part in gradients(dz, cell)], axis=1)
     noise = noise[np.isfinite(noise).all(axis=1)]
-    if len(noise) < _MIN_EQUATIONS:
+    if len(noise) < MIN_EQUATIONS:
         return 0.0
     # robust: where the ground changed, the difference has large rises
     error = float(np.mean([nmad(part) ** 2 for part in noise.T])) / 2.0

@@ -34,9 +34,10 @@ def neighbours(row: int) -> Index:
 
 
 def _settle_by_numpy(
-    cloth: Float, before: Float, ground: Float, state: Byte, row: int, pull: Float, weight: float, steps: int
+    cloth: Float, before: Float, ground: Float, state: Byte, row: int, moves: Float, steps: int
 ) -> int:
     tied = neighbours(row)
+    single, double, weight = moves
     columns, rows = row - 2 * FRAME, len(cloth) // row - 2 * FRAME
     for step in range(steps):
         free, fixed = state == MOVABLE, state == FIXED
@@ -54,8 +55,8 @@ def _settle_by_numpy(
                 there = slice(here.start + far, here.stop + far, here.step)
                 also = free[there]
                 gap = cloth[there] - height
-                height += gap * np.where(moving, np.where(also, pull[1], np.where(fixed[there], pull[0], 0.0)), 0.0)
-                cloth[there] -= gap * np.where(also, np.where(moving, pull[1], pull[0]), 0.0)
+                height += gap * np.where(moving, np.where(also, double, np.where(fixed[there], single, 0.0)), 0.0)
+                cloth[there] -= gap * np.where(also, np.where(moving, double, single), 0.0)
             cloth[here] = height
         moved = np.abs(before - cloth)[free].max(initial=0.0)
         landed = free & (cloth < ground)
@@ -67,21 +68,19 @@ def _settle_by_numpy(
 
 
 @compiled(_settle_by_numpy)
-def settle(
-    cloth: Float, before: Float, ground: Float, state: Byte, row: int, pull: Float, weight: float, steps: int
-) -> int:
+def settle(cloth: Float, before: Float, ground: Float, state: Byte, row: int, moves: Float, steps: int) -> int:
     """Let the cloth fall until it rests, for ``steps`` steps at most; how many there were.
 
     Args:
         cloth, before: (n,) m, heights now and a step ago; both are changed. ground: (n,) m, where it lands.
         state: (n,) FIXED, MOVABLE or ABSENT; changed.
-        pull: shares of a height difference by which a particle is moved if the other is fixed, and if it is not.
-        weight: m, by which a particle falls further in each step.
+        moves: (3,) shares of a height difference by which a particle is moved if the other is fixed, and if it is not;
+            metres by which a particle falls further in each step.
     """
     tied = np.array([-row - 1, -1, row - 1, -row, -row + 1, 1, row, row + 1])
     tied = np.concatenate((tied, 2 * tied))
     rows = len(cloth) // row
-    single, double = pull[0], pull[1]
+    single, double, weight = moves[0], moves[1], moves[2]
     for step in range(steps):
         for i in range(len(cloth)):
             if state[i] == MOVABLE:

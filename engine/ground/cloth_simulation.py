@@ -38,10 +38,9 @@ def near_cloth(xyz: Float, parameters: GroundParameters, threshold: float) -> Bo
     ground, seen = _searched(ground, _next_heights(ground.reshape(-1, row)).ravel(), state, row)
     cloth = np.full(len(ground), upside.max() + _START_M)
     rigidness = min(parameters.rigidness, len(_SINGLE) - 1)
-    pull = np.array([_SINGLE[rigidness], _DOUBLE[rigidness]])
     squared = parameters.time_step * parameters.time_step
-    weight = (-_GRAVITY * squared) * squared
-    settle(cloth, cloth.copy(), ground, state, row, pull, weight, parameters.iterations)
+    moves = np.array([_SINGLE[rigidness], _DOUBLE[rigidness], (-_GRAVITY * squared) * squared])
+    settle(cloth, cloth.copy(), ground, state, row, moves, parameters.iterations)
     if parameters.slope_smoothing:
         pin_hanging(cloth, ground, state, seen, row)
     place = xyz[:, :2] - corner

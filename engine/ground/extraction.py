@@ -391,8 +391,7 @@ class _Extraction:
 
 def _dimensions(found: Filtered, dip: float) -> dict[str, NDArray[np.float32]]:
     """What is known of the plants at each point, as the file holds it: vertical metres; nothing without refinement."""
-    # distances are square to the slope's plane
-    upright = vertical(dip)
+    upright = vertical(dip)  # distances are square to the slope's plane
     named = {
         HEIGHT_OVER_GROUND: found.height,
         plant_cover.ERROR: found.plant_error,

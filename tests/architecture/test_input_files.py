@@ -32,7 +32,8 @@ OWN = {
         "engine/report/corridor.py", "models/network/shipped.py",
     ),
     "of a run at work, or just written to be checked": (
-        "engine/core/part_folders.py", "engine/core/temporary_folders.py", "engine/ground/", "engine/grid/geotiff.py",
+        "engine/core/journal.py", "engine/core/part_folders.py", "engine/core/temporary_folders.py", "engine/ground/",
+        "engine/grid/geotiff.py",
         "engine/handover/drawing.py", "engine/handover/landxml.py", "engine/handover/package.py", "engine/maps/",
         "engine/pointcloud/copc_writing.py", "engine/pointcloud/geotiff_keys.py", "engine/pointcloud/kept_parts.py",
         "engine/pointcloud/point_squares.py", "engine/report/compose.py", "engine/report/signed/typesetting.py",

@@ -109,7 +109,7 @@ def test_the_workflow_tests_all_three_systems() -> None:
     path = ROOT / ".github" / "workflows" / "tests.yml"
     text = path.read_text(encoding="utf-8")
     jobs = yaml.safe_load(text)["jobs"]
-    assert set(jobs) == {"lint", "engine"}
+    assert set(jobs) == {"lint", "engine", "pdal"}
     systems = [name.partition("-")[0] for name in jobs["engine"]["strategy"]["matrix"]["os"]]
     assert systems == ["ubuntu", "windows", "macos"]
     steps = [step for job in jobs.values() for step in job["steps"]]

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import geopandas
 import numpy as np
 import pytest
+import shapely
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.tests.builders.elevation_models import NORTH, WEST, hills, noise, write_model
@@ -106,7 +108,7 @@ def test_several_bands_and_no_raster(first: Path, tmp_path: Path) -> None:
     _refused("has 2 bands; an elevation model has one", first, both)
     text = tmp_path / "text.tif"
     text.write_text("no raster", encoding="utf-8")
-    _refused("cannot be read as a raster", first, text)
+    _refused("is not a GeoTIFF", first, text)
 
 
 def test_the_same_file_and_the_same_heights(first: Path, tmp_path: Path) -> None:
@@ -135,3 +137,13 @@ def test_days_in_reversed_order_and_one_model(first: Path, tmp_path: Path) -> No
     _refused("not later than", f"2020-01-01={first}", f"2019-01-01={second}")
     _refused("1 elevation model was given; give two or more", first)
     _refused("does not exist", first, tmp_path / "missing.tif")
+
+
+def test_less_stable_ground_than_a_shift_is_found_from(first: Path, tmp_path: Path) -> None:
+    second, stable = write_model(tmp_path / "second.tif", _heights(2)), tmp_path / "stable.gpkg"
+    square = shapely.box(WEST + 20, NORTH - 29, WEST + 29, NORTH - 20)  # 81 cells
+    geopandas.GeoDataFrame(geometry=[square], crs="EPSG:32651").to_file(stable)
+    models = [parse_model(f"{2020 + i}-01-01={path}") for i, path in enumerate((first, second))]
+    words = r"fewer than 100 common cells of stable ground; .* larger --stable area"
+    with pytest.raises(InputError, match=words):
+        demchange_step(models, tmp_path / "out", ModelSettings(), stable=stable, progress=Progress())

@@ -107,7 +107,7 @@ def test_numpys_way_gives_the_loops_cloth_to_the_last_bit():
     for way in (settle, settle.plain):
         cloth = np.full(rows * row, 3.0)
         now = state.copy()
-        steps = way(cloth, cloth.copy(), ground, now, row, np.array([0.3, 0.3]), -0.1, 30)
+        steps = way(cloth, cloth.copy(), ground, now, row, np.array([0.3, 0.3, -0.1]), 30)
         made.append((steps, cloth, now))
     assert made[0][0] == made[1][0]
     assert 0 < np.count_nonzero(made[0][2] == MOVABLE) < 0.6 * 13 * 17, "some hang, some landed"
