@@ -152,18 +152,29 @@ def monitor_series(
         transforms = {g.epoch.name: g.transform.matrix for g in gridded}
         run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
         run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
-        _say(run)
+        _say(run, earlier)
     return run.result()
+
+
+def _remeasured(zones: list[dict[str, Any]], earlier: dict[str, Any] | None) -> list[str]:
+    """Names of the zones whose ground is not that of the earlier run."""
+    areas = {z.get("zone_id"): z.get("area_m2") for z in (earlier or {}).get("zones") or ()}
+    return [z["zone_id"] for z in zones if areas.get(z["zone_id"]) not in (None, z["area_m2"])]
 
 
 def _method(parameters: GridChangeParameters) -> str:
     """How the change was taken, for the zones' column ``method``."""
-    return f"series ({'cells that grow' if parameters.grows else f'{parameters.cell_value} cells'})"
+    return "series (cells that grow)" if parameters.grows else f"series ({parameters.cell_value} cells)"
 
 
-def _say(run: Run) -> None:
+def _say(run: Run, earlier: dict[str, Any] | None) -> None:
     for sentence in run.facts["limits"]:
         run.progress.info(sentence)
+    if changed := _remeasured(run.facts["zones"], earlier):
+        run.progress.warning(
+            f"The area of {', '.join(changed)} is not that of the earlier run; the figures of all surveys are now of the "
+            "new area."
+        )
 
 
 def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrite: bool) -> dict[str, Any] | None:

@@ -10,15 +10,20 @@ _MIN_COMPARED_SHARE = 0.5  # share of the ground
 _MIN_REPORTED_AREA_M2 = 1.0  # m² of change that plants explain: less comes by chance where plants end
 
 
-def warn_of_doubtful_change(change: Change, progress: Progress) -> None:
-    """Warn of ground that was not compared and of a shift of the whole overlap."""
+def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: bool = True) -> None:
+    """Warn of ground that was not compared and of a shift of the whole overlap.
+
+    Args:
+        may_grow: whether cells that grow can be asked for where this warning is read.
+    """
     compared = compared_share(change)
     if compared < _MIN_COMPARED_SHARE:
         remedy = "check that both cover the same slope"
         if change.partition.grown:
             remedy += ", or give a larger largest_cell"
         elif larger := cell_that_compares(change):
-            remedy = f"cells of {larger:g} m, or cells that grow (adaptive), would compare most of it"
+            growing = ", or cells that grow (adaptive)," if may_grow else ""
+            remedy = f"cells of {larger:g} m{growing} would compare most of it"
         progress.warning(
             f"Only {100 * compared:.2g} % of the ground that the surveys reached could be compared; the rest has no "
             f"points of both epochs in a cell, and zones and volumes leave it out; {remedy}."

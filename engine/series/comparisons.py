@@ -86,7 +86,8 @@ def compared(
             # all along the direction of the first comparison
             parameters = replace(parameters, direction=change.direction)
             cumulative.add(change)
-            warn_of_doubtful_change(change, shares[number])
+            may_grow = isinstance(parameters, ChangeParameters) and not parameters.adaptive
+            warn_of_doubtful_change(change, shares[number], may_grow=may_grow)
             del change
             if number == 1:
                 incremental.again(cumulative, 0)

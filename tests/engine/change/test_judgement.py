@@ -114,10 +114,14 @@ def test_a_uniform_shift_is_told_whatever_the_direction(direction):
 def test_little_compared_ground_comes_with_what_would_help_there():
     """Cells of 5 cm on some 60 points a square metre: hardly any holds points of both surveys."""
     change = difference(face(1)[::6], face(2)[::6], ChangeParameters(cell=0.05, calibrate=False, adaptive=False))
-    progress = Progress()
-    warn_of_doubtful_change(change, progress)
-    (said,) = (w for w in progress.warnings if "could be compared" in w)
-    assert said.endswith("or cells that grow (adaptive), would compare most of it.")
+    said = {}
+    for may_grow in (True, False):
+        progress = Progress()
+        warn_of_doubtful_change(change, progress, may_grow=may_grow)
+        said[may_grow] = next(w for w in progress.warnings if "could be compared" in w)
+    assert "cells that grow" in said[True]
+    assert "cells that grow" not in said[False]
+    assert said[False].endswith("would compare most of it.")
 
 
 def test_without_stable_ground_the_level_is_wider_and_says_why():
