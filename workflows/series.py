@@ -172,8 +172,8 @@ def _say(run: Run, earlier: dict[str, Any] | None) -> None:
         run.progress.info(sentence)
     if changed := _remeasured(run.facts["zones"], earlier):
         run.progress.warning(
-            f"The area of {', '.join(changed)} is not that of the earlier run; the figures of all surveys are now of the "
-            "new area."
+            f"The area of {', '.join(changed)} is not that of the earlier run; the figures of all surveys are now of "
+            "the new area."
         )
 
 

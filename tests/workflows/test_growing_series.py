@@ -71,6 +71,16 @@ def test_a_further_survey_computes_only_itself_and_changes_no_comparison(runs):
     assert all(after[name] == content for name, content in before.items())
 
 
+def test_a_zone_whose_area_changed_is_named(runs):
+    _, ((*_, before), (*_, after)) = runs
+    areas = {zone["zone_id"]: zone["area_m2"] for zone in before["zones"]}
+    changed = [z["zone_id"] for z in after["zones"] if areas.get(z["zone_id"], z["area_m2"]) != z["area_m2"]]
+    assert changed
+    (said,) = (w for w in after["warnings"] if "is not that of the earlier run" in w)
+    assert said.startswith(f"The area of {', '.join(changed)} is not")
+    assert not any("is not that of the earlier run" in w for w in before["warnings"])
+
+
 def test_polygon_area_and_volume_are_of_one_ground(simulated, runs):
     out, _ = runs
     zones = geopandas.read_file(out / "series.gpkg", layer="zones")
