@@ -6,7 +6,6 @@ import json
 import math
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...interface.parameters import GroundParameters
-from ..core import cancellation, child_process
+from ..core import child_process
 from ..core.errors import EngineError, InputError
+from ..core.temporary_folders import temporary_folder
 from ..geometry.columns import greatest, least, spans
 
 MAX_CLOTH_PARTICLES = 16_000_000
@@ -58,13 +58,14 @@ def cloth_ground(
     if not np.isfinite(low).all() or not np.isfinite(greatest(xyz)).all():
         raise InputError("The cloud has coordinates that are not finite numbers; remove them before the ground filter.")
     particles = refuse_large_cloth(xyz, parameters.cloth_resolution)
-    with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, cancellation.temporary(Path(name)) as folder:
-        # small coordinates keep the cloth's digits
-        points = xyz - low
-        added = [filling(points, parameters.cloth_resolution)]
-        if origin is not None:
-            added.append(_anchor(points, (origin - low[:2]) / parameters.cloth_resolution, parameters.cloth_resolution))
-        np.save(folder / "points.npy", np.vstack([points, *added]))
+    # small coordinates keep the cloth's digits
+    points = xyz - low
+    added = [filling(points, parameters.cloth_resolution)]
+    if origin is not None:
+        added.append(_anchor(points, (origin - low[:2]) / parameters.cloth_resolution, parameters.cloth_resolution))
+    points = np.vstack([points, *added])
+    with temporary_folder("csf", needed_bytes=points.nbytes + len(points)) as folder:
+        np.save(folder / "points.npy", points)
         options = {
             "slope_smoothing": parameters.slope_smoothing,
             "cloth_resolution": parameters.cloth_resolution,

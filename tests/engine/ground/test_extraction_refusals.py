@@ -176,7 +176,7 @@ def test_cancelling_leaves_nothing(inputs, tmp_path):
     assert process.stdout is not None
     assert process.stdout.readline() == "start\n"
     deadline = time.monotonic() + PATIENCE_S
-    while not list(tmp_path.glob("slopewatch-csf-*/parameters.json")):
+    while not list(tmp_path.glob("slopewatch-temporary-csf-*/parameters.json")):
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.05)
