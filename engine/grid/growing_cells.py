@@ -118,8 +118,8 @@ def adaptive_cells_of_moments(
     progress: Progress | None = None,
 ) -> AdaptiveCells:
     """As ``adaptive_cells``, from the sums of both epochs' points in the cells of ``grid``, which a series keeps."""
-    middles, standing = zip(*((_middles(kept, grid), kept.points) for kept in (reference, moving)), strict=True)
-    steps = largest_step(*middles, grid.cell, parameters, standing)
+    first, second = (_middles(kept, grid) for kept in (reference, moving))
+    steps = largest_step(first, second, grid.cell, parameters, (reference.points, moving.points))
     growth = Growth(grid.cell, steps, level_step(grid.cell, parameters), registration_error, parameters)
     frame = Frame.around(grid, 2**steps)
     tiles = Tiles.of(frame.grid.shape, 2**steps)

@@ -39,7 +39,7 @@ class KeptChanges(Sequence[Change]):
         file = self._folder / f"{self._name}_{len(self._kept)}.npz"
         cells = np.flatnonzero((change.count_from > 0) | (change.count_to > 0) | np.isfinite(change.dz))
         arrays: dict[str, Any] = {name: array.ravel()[cells] for name, array in _arrays(change).items()}
-        side = {} if change.partition.side is None else {_SIDE: change.partition.side}
+        side: dict[str, Any] = {} if change.partition.side is None else {_SIDE: change.partition.side}
         with file.open("wb") as stream:
             np.savez(stream, cells=cells, **side, **arrays)
         nothing: dict[str, Any] = {f.name: np.zeros(0) for f in fields(change) if f.name in arrays}

@@ -205,7 +205,8 @@ def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, 
     plants = (0.0, 0.0)
     if change.plants is not None:
         errors = (change.plants.error_from, change.plants.error_to)
-        plants = tuple(float(np.sum(share * np.nan_to_num(e[within]))) for e in errors)
+        before, after = (float(np.sum(share * np.nan_to_num(e[within]))) for e in errors)
+        plants = before, after
     own = (1.0 - of_first) * sampling + plants[1] ** 2 + model.registration_error**2
     significant = change.significant[within] & (footprint.inside)
     return _Mean(
