@@ -12,6 +12,7 @@ import numpy as np
 from pyproj import CRS
 
 from ..engine.core.errors import InputError
+from ..engine.core.input_files import refuse_unusable
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_record import RunRecord
@@ -55,6 +56,7 @@ def report_step(
         InputError: the folder holds no run that has a report, the lines cannot be used, or the details do not fit.
     """
     folder = Path(folder).absolute()
+    refuse_unusable([("profiles", profiles)])
     record = read_record(folder)
     changed = _take_details(record, details)
     if profiles is not None and not record.get("epochs"):
@@ -64,7 +66,9 @@ def report_step(
     entered = {} if photos is None else {"photos": enter_photos(folder, photos, progress)}
     if profiles is None and not changed:
         progress.update(0.0, "drawing the report")
-        return RunResult({"report": write_report(folder, progress)}, entered, tuple(progress.warnings))
+        with staged_outputs(folder, last=REPORT) as stage:
+            write_report(folder, progress, stage.path(REPORT))
+        return RunResult({"report": folder / REPORT}, entered, tuple(progress.warnings))
     written = [folder / name for name in (REPORT, PDF, *PROFILE_OUTPUTS, "run.json")]
     refuse_inputs_as_outputs(written, [profiles] if profiles else [])
     with staged_outputs(folder) as stage:

@@ -13,8 +13,10 @@ import numpy as np
 import pandas as pd
 
 from ..engine.core.errors import InputError
+from ..engine.core.input_files import read_input
 from ..engine.core.json_shapes import anything, fields, number, parse_json, rows, table, text
 from ..engine.core.messages import shown as in_message
+from ..engine.core.part_folders import settle
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import staged_outputs
@@ -22,6 +24,7 @@ from ..engine.report.record_shape import inside
 from ..engine.report.signed.details import FLIGHT, details_of
 from ..engine.report.signed.typesetting import refuse_without_means
 from ..engine.vector.geopackage import read_layer
+from ..interface.input_files import RECORD
 from ..interface.parameters import DetailParameters, ReportParameters
 from .batch.alert_events import open_of
 from .batch.corridor_plan import read_record
@@ -180,12 +183,15 @@ def _result(folder: Path, row: Mapping[str, Any]) -> SlopeResult:
     days = [{"role": f"epoch {row['last_survey']}"}] * max(1, int(row["surveys"]))
     alone = SlopeResult(str(row["slope"]), folder / "slopes" / "-", {"command": "", "inputs": days}, {})
     report = inside(folder, str(row["report"] or ""))
-    if report is None or not report.is_file():
+    if report is None:
+        return alone
+    settle(report.parent)
+    if not report.is_file():
         return alone
     try:
-        record = parse_json((report.parent / "run.json").read_bytes())
+        record = parse_json(read_input(report.parent / "run.json", RECORD))
         _SLOPE(record, "")
-    except (OSError, ValueError):
+    except (InputError, ValueError):
         return alone
     outputs = {str(name): report.parent / str(path) for name, path in record["outputs"].items()}
     return SlopeResult(str(row["slope"]), report.parent, record, outputs)

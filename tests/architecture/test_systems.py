@@ -23,6 +23,7 @@ EXCEPTIONS = {
     "engine/core/child_launcher.py": "only started on POSIX systems",
     "engine/core/child_process.py": "/proc, where there is none the answer is 0",
     "engine/core/cancellation.py": "asks for os.name, hasattr",
+    "engine/core/part_folders.py": "only of folders with the sticky bit, which Windows does not have",
     "engine/core/temporary_folders.py": "asks for os.name",
     "engine/core/qgis_program.py": "asks for sys.platform",
     "engine/pointcloud/pdal_places.py": "places of macOS and Linux, in functions for these",
