@@ -14,7 +14,6 @@ from shapely.geometry.base import BaseGeometry
 from ..engine.core import cancellation
 from ..engine.core.arrays import Float
 from ..engine.core.earlier_results import earlier_series, refuse_another_series, refuse_results
-from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
@@ -24,10 +23,12 @@ from ..engine.epochs.epoch import Epoch
 from ..engine.epochs.manifest import check_series
 from ..engine.report.facts import ROAD_WORDS, course_rows, zone_rows
 from ..engine.series.alerts import AlertLevel, read_alerts
-from ..engine.series.analysis import Analysis, GriddedEpoch, analyse, limits_of, with_ground
+from ..engine.series.analysis import Analysis, analyse, limits_of, with_ground
+from ..engine.series.comparisons import GriddedEpoch
 from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
+from ..interface.parameters import GridChangeParameters
 from .early_memory import refuse_grid_early
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
@@ -39,6 +40,7 @@ from .products.series import (
     raster_names,
     series_figures,
     write_class_table,
+    write_coverage,
     write_epoch_rasters,
     write_summary_rasters,
     write_tables,
@@ -46,7 +48,7 @@ from .products.series import (
 from .products.series_motion import SERIES_MOTION_OUTPUTS, motion_figures, write_motion
 from .run import Run
 from .series_motion import SeriesMotion, measure_motion
-from .series_preparation import Task, prepare_epochs
+from .series_preparation import Task, held_whole, prepare_epochs
 from .settings import SeriesSettings, groups
 
 REPORTED = (
@@ -70,14 +72,6 @@ _RECORDED = (
     "inputs", "dates", "ground", "registration", "change", "zones", "road", "assets", "series", "displacement_step",
     "details",
 )  # fmt: skip
-
-
-def _refuse_growing_cells(settings: SeriesSettings) -> None:
-    if settings.change.grows:
-        raise InputError(
-            "Cells that grow (adaptive) are not for a series: all its surveys share one grid; "
-            "give GridChangeParameters, or adaptive=False."
-        )
 
 
 def monitor_series(
@@ -116,7 +110,6 @@ def monitor_series(
     settings, epochs = settings or SeriesSettings(), tuple(epochs)
     check_series(epochs)
     table = read_alerts(alerts)
-    _refuse_growing_cells(settings)
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("alerts", alerts)]
     inputs += layers.inputs
     run = Run("series", groups(settings, *_RECORDED), inputs, progress)
@@ -133,7 +126,7 @@ def monitor_series(
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     related = (settings.road, settings.assets)
     run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
-    refuse_grid_early([epochs[0].path], settings.inputs, settings.change, roi)
+    refuse_grid_early([epochs[0].path], settings.inputs, held_whole(settings.change), roi)
     with run.writing(output_dir, report=True) as stage, cancellation.temporary(stage.folder / SPOOL) as spool:
         task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage)
         with run.step("surveys", 0.0, 0.6) as entry:
@@ -144,7 +137,7 @@ def monitor_series(
             analysis = analyse(
                 gridded, grid, (settings.change, settings.zones), table, spool, stable=area, progress=run.progress
             )
-        about = About(dates, crs, grid, f"series ({settings.change.cell_value} cells)", run.run_id(hashes))
+        about = About(dates, crs, grid, _method(settings.change), run.run_id(hashes))
         motion = _motion(run, task, gridded, analysis.stack.days, area)
         if motion is not None:
             analysis = with_ground(analysis, motion.ground, motion.layout, grid, settings.zones, table)
@@ -154,17 +147,34 @@ def monitor_series(
         if motion is not None:
             run.outputs |= write_motion(motion, analysis.zones, about, hashes, stage)
             run.figures |= motion_figures(motion, frame)
+        write_coverage(run, analysis, about)
         run.figures["dropped_zones"] = analysis.unconfirmed
         transforms = {g.epoch.name: g.transform.matrix for g in gridded}
         run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
         run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
-        _say(run)
+        _say(run, earlier)
     return run.result()
 
 
-def _say(run: Run) -> None:
+def _remeasured(zones: list[dict[str, Any]], earlier: dict[str, Any] | None) -> list[str]:
+    """Names of the zones whose ground is not that of the earlier run."""
+    areas = {z.get("zone_id"): z.get("area_m2") for z in (earlier or {}).get("zones") or ()}
+    return [z["zone_id"] for z in zones if areas.get(z["zone_id"]) not in (None, z["area_m2"])]
+
+
+def _method(parameters: GridChangeParameters) -> str:
+    """How the change was taken, for the zones' column ``method``."""
+    return "series (cells that grow)" if parameters.grows else f"series ({parameters.cell_value} cells)"
+
+
+def _say(run: Run, earlier: dict[str, Any] | None) -> None:
     for sentence in run.facts["limits"]:
         run.progress.info(sentence)
+    if changed := _remeasured(run.facts["zones"], earlier):
+        run.progress.warning(
+            f"The area of {', '.join(changed)} is not that of the earlier run; the figures of all surveys are now of "
+            "the new area."
+        )
 
 
 def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrite: bool) -> dict[str, Any] | None:
@@ -198,7 +208,7 @@ def _write_products(
             for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
                 run.outputs |= write_epoch_rasters(kind, changes, about, task.hashes, run.stage, run.progress)
         stack = analysis.stack
-        velocity = cell_velocity(stack.days, list(stack.change), stack.cell_variance)
+        velocity = cell_velocity(stack.days, list(stack.change), list(stack.variance))
         run.outputs |= write_summary_rasters(
             velocity, analysis.confirmed, velocity.count >= 2, about, task.hashes, run.stage
         )

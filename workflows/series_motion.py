@@ -19,7 +19,7 @@ from ..engine.core.staged_outputs import Stage
 from ..engine.displacement.displacement import StablePlaces
 from ..engine.displacement.stored_ground import Ground, StoredGround
 from ..engine.displacement.vectors import CommonMotion
-from ..engine.series.analysis import GriddedEpoch
+from ..engine.series.comparisons import GriddedEpoch
 from ..engine.series.motion.field import Field, Surveys, motion_field
 from ..engine.series.motion.windows import Layout, PairMotion, layout_of, measure_pair
 from ..engine.series.motion.zones import MovingGround, moving_ground

@@ -14,7 +14,7 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from ..engine.change.difference import epoch_cells
+from ..engine.change.epoch_cells import epoch_cells, epoch_moments
 from ..engine.core.arrays import Float
 from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
@@ -29,14 +29,16 @@ from ..engine.grid.cell_statistics import CellStatistics
 from ..engine.grid.chosen_cell import CellChoice, choose_cell, with_cell
 from ..engine.grid.common_grid import affordable, common_grid
 from ..engine.grid.grid import Grid
+from ..engine.grid.kept_moments import KeptMoments
 from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.tiles.memory import shared_memory
 from ..engine.pointcloud.in_parts import SpooledCloud, bounds_of, spool
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
-from ..engine.series.analysis import GriddedEpoch
+from ..engine.series.comparisons import GriddedEpoch
 from ..engine.vector.area import read_roi
+from ..interface.parameters import ChangeParameters, GridChangeParameters
 from .pair import Cloud, common_area, is_large, register_pair, survey_of
 from .series_store import Entry, Store, key_of, load_cells, save_cells
 from .settings import SeriesSettings
@@ -60,6 +62,11 @@ class Task:
     stage: Stage
 
 
+def held_whole(parameters: GridChangeParameters) -> GridChangeParameters:
+    """The parameters for the grid's memory: a series holds arrays of all cells, also if cells grow."""
+    return replace(parameters, adaptive=False) if isinstance(parameters, ChangeParameters) else parameters
+
+
 def prepare_epochs(task: Task, folder: Path, progress: Progress) -> tuple[list[GriddedEpoch], Grid, CRS, CellChoice]:
     """Every survey's cells, the first one's grid, the reference system, and how the cell came about.
 
@@ -80,10 +87,11 @@ def prepare_epochs(task: Task, folder: Path, progress: Progress) -> tuple[list[G
     first = _ground_cloud(task, 0, grounds[0], spool_folder, shares[0])
     xyz, plants = survey_of(first)
     with_plants = first.values > 0 if isinstance(first, SpooledCloud) else plants is not None
-    choice = affordable(choose_cell((xyz,), task.settings.change), (xyz,), task.settings.change, plants=with_plants)
+    change = held_whole(task.settings.change)
+    choice = affordable(choose_cell((xyz,), change), (xyz,), change, plants=with_plants)
     if choice.automatic:
         progress.info(choice.sentence)
-    grid = common_grid(xyz, xyz, with_cell(task.settings.change, choice), plants=with_plants)
+    grid = common_grid(xyz, xyz, with_cell(change, choice), plants=with_plants)
     kept = _Kept(grounds, first, grid, store, spool_folder)
     found = []
     for number in range(len(task.epochs)):
@@ -229,7 +237,10 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
     def grid_cells(path: Path) -> dict[str, Any]:
         xyz, plants = survey_of(cloud())
         moved = xyz.moved(transform) if isinstance(xyz, SpooledCloud) else transform.apply(xyz)
-        save_cells(path, epoch_cells(moved, kept.grid, settings.change, plants))
+        if settings.change.grows:
+            save_cells(path, epoch_moments(moved, kept.grid, plants))
+        else:
+            save_cells(path, epoch_cells(moved, kept.grid, settings.change, plants))
         return {"points": len(xyz)}
 
     cells_key = key_of(
@@ -237,7 +248,7 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         transform=key,
         grid=asdict(kept.grid),
         cell_value=settings.change.cell_value,
-        arrays=[f.name for f in fields(CellStatistics)],
+        arrays=[f.name for f in fields(KeptMoments if settings.change.grows else CellStatistics)],
     )
     entry = kept.store.entry("cells.npz", cells_key, grid_cells, progress)
     made += [] if entry.reused else ["cells"]

@@ -23,9 +23,10 @@ from ..engine.core.progress import Progress
 from ..engine.core.staged_outputs import Stage
 from ..engine.core.version import VERSION
 from ..engine.grid.cell_statistics import CellStatistics
+from ..engine.grid.kept_moments import KeptMoments
 
 FOLDER = "work"
-_FORMAT = 2  # of the entries; another number makes all of them new
+_FORMAT = 3  # of the entries; another number makes all of them new
 
 
 @dataclass(frozen=True)
@@ -91,14 +92,14 @@ def key_of(**parts: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def save_cells(path: Path, cells: CellStatistics) -> None:
-    """Write the statistics of an epoch's cells as compressed NumPy arrays."""
+def save_cells(path: Path, cells: CellStatistics | KeptMoments) -> None:
+    """Write what is kept of an epoch's cells as compressed NumPy arrays."""
     arrays = {f.name: getattr(cells, f.name) for f in fields(cells) if getattr(cells, f.name) is not None}
     with path.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 
-def load_cells(path: Path) -> CellStatistics:
+def load_cells(path: Path) -> CellStatistics | KeptMoments:
     """What ``save_cells`` wrote.
 
     Raises:
@@ -106,6 +107,9 @@ def load_cells(path: Path) -> CellStatistics:
     """
     try:
         with np.load(path, allow_pickle=False) as arrays:
+            if "sums" in arrays:
+                rows, columns = arrays["shape"].tolist()
+                return KeptMoments(arrays["cell"], arrays["sums"], (rows, columns), float(arrays["level"]))
             wanted = [f.name for f in fields(CellStatistics) if f.name in arrays or f.default is MISSING]
             return CellStatistics(**{name: arrays[name] for name in wanted})
     except (OSError, ValueError, KeyError) as error:

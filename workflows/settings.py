@@ -95,7 +95,7 @@ class SeriesSettings:
     dates: DateParameters = field(default_factory=DateParameters)
     ground: GroundParameters = field(default_factory=GroundParameters)
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
-    change: GridChangeParameters = field(default_factory=GridChangeParameters)
+    change: GridChangeParameters = field(default_factory=ChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     series: SeriesParameters = field(default_factory=SeriesParameters)
     details: DetailParameters = field(default_factory=DetailParameters)

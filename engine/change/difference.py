@@ -20,21 +20,21 @@ from ..core.errors import InputError
 from ..core.progress import Progress
 from ..core.side_by_side import side_by_side
 from ..grid.cell_slope import gradient_at, slope_degrees
-from ..grid.cell_statistics import CellStatistics, cell_statistics, compiled_pays, sloping_statistics
+from ..grid.cell_statistics import CellStatistics, compiled_pays
 from ..grid.chosen_cell import CellChoice, choose_cell, with_cell
 from ..grid.common_grid import affordable, common_grid, union
 from ..grid.grid import Grid, on_grid
 from ..grid.growing_cells import AdaptiveCells, adaptive_cells
 from ..grid.partition import Partition
-from ..grid.plant_cells import cell_means, together
+from ..grid.plant_cells import together
 from ..grid.pooled_variance import pooled_variance
-from ..grid.stored_cells import stored_statistics
 from ..pointcloud.in_parts import Points, SpooledCloud
 from ..pointcloud.plant_cover import PlantCover
 from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
 from ..statistics.robust import NORMALISED
 from .direction import SENTENCE, with_direction
+from .epoch_cells import epoch_cells
 from .judgement import judge
 from .measured import Measured
 from .result import Change
@@ -121,7 +121,7 @@ def listed_difference(
     parameters = with_cell(parameters, choice)
     grid = common_grid(reference, moving, parameters, plants=with_plants, bounds=bounds)
     if isinstance(parameters, ChangeParameters) and parameters.grows:
-        registration_error = _stated(parameters, registration_error)
+        registration_error = stated_registration(parameters, registration_error)
         cells = adaptive_cells(
             reference,
             moving,
@@ -159,22 +159,6 @@ def _with_choice(change: Change, parameters: GridChangeParameters, choice: CellC
     if parameters.direction == "auto" and change.direction == "normal":
         progress.info(SENTENCE)
     return replace(change, choice=choice)
-
-
-def epoch_cells(
-    xyz: Points, grid: Grid, parameters: GridChangeParameters, plants: PlantCover | None = None
-) -> CellStatistics:
-    """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them, with the ``plants`` over these.
-
-    Points on the disk have their own plants.
-    """
-    if isinstance(xyz, SpooledCloud):
-        return stored_statistics(xyz, grid, sloping=parameters.cell_value == "plane")
-    cells = sloping_statistics(xyz, grid) if parameters.cell_value == "plane" else cell_statistics(xyz, grid)
-    if plants is None:
-        return cells
-    means = [None if v is None else cell_means(xyz, v, grid).ravel()[cells.cell] for v in (plants.error, plants.height)]
-    return replace(cells, plant_error=means[0], plant_height=means[1])
 
 
 def difference_of_cells(
@@ -231,7 +215,7 @@ def difference_of_cells(
         ),
         grid,
         parameters,
-        _stated(parameters, registration_error),
+        stated_registration(parameters, registration_error),
         areas.stable,
     ).whole()
 
@@ -351,7 +335,7 @@ def _common(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
     return float((first & second).sum() / max((first | second).sum(), 1))
 
 
-def _stated(parameters: GridChangeParameters, measured: float) -> float:
+def stated_registration(parameters: GridChangeParameters, measured: float) -> float:
     """The registration error (m) that was given as a parameter, or else what the registration measured."""
     stated = given(parameters.registration_error)
     return measured if stated is None else stated

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..geometry.plane_gradient import gradient_parts
 from .grid import Grid, cell_index
 
 # Rows of Moments.sums.
 N, U, V, Z, UU, UV, VV, UZ, VZ, ZZ = range(10)
-_PLAIN_SUMS = 10  # of them; behind come the sums of what else is known of the points
+PLAIN_SUMS = 10
+"""How many of them there are; behind come the sums of what else is known of the points."""
 # A spread of the points of at least a tenth of the block in every direction; else a plane tilts freely.
 _MIN_SPREAD_RATIO = 1e-4
 _BLOCKS_AT_ONCE = 20_000  # blocks, whose figures fit a cache
@@ -43,12 +44,12 @@ class Moments:
     @property
     def more(self) -> int:
         """How many further values are known of each point."""
-        return len(self.sums) - _PLAIN_SUMS
+        return len(self.sums) - PLAIN_SUMS
 
     def mean(self, more: int) -> Float:
         """Mean of a value that was given in addition to the coordinates, by its number from 0; NaN without points."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.sums[_PLAIN_SUMS + more] / self.sums[N])
+            return np.asarray(self.sums[PLAIN_SUMS + more] / self.sums[N])
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,16 @@ class ParallelPlanes:
 
 def cell_moments(xyz: Float, grid: Grid, level: float, more: Sequence[NDArray[np.floating]] = ()) -> Moments:
     """Moments of the points (n, 3) in the cells of ``grid``, heights from ``level``, and of ``more`` values (n,)."""
+    cell, listed = listed_moments(xyz, grid, level, more)
+    sums = np.zeros((len(listed), grid.rows * grid.columns))
+    sums[:, cell] = listed
+    return Moments(sums.reshape(len(listed), *grid.shape), grid.cell)
+
+
+def listed_moments(
+    xyz: Float, grid: Grid, level: float, more: Sequence[NDArray[np.floating]] = ()
+) -> tuple[Index, Float]:
+    """As ``cell_moments``, of the cells with points alone: flat indices (n,), ascending, and sums (10 + k, n)."""
     index = cell_index(xyz, grid)
     if index.size and index.min() < 0:
         inside = index >= 0
@@ -85,11 +96,17 @@ def cell_moments(xyz: Float, grid: Grid, level: float, more: Sequence[NDArray[np
     u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
     v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
     z = xyz[:, 2] - level
-    sums = np.empty((_PLAIN_SUMS + len(more), *grid.shape))
+    # of the rows that are reached only
+    first = int(row.min(initial=grid.rows)) * grid.columns
+    count = np.bincount(index - first)
+    here = np.flatnonzero(count)
+    place = np.empty(count.size, dtype=np.int64)
+    place[here] = np.arange(here.size)
+    place = place[index - first]
+    sums = np.empty((PLAIN_SUMS + len(more), here.size))
     for number, values in enumerate((None, u, v, z, u * u, u * v, v * v, u * z, v * z, z * z, *more)):
-        total = np.bincount(index, weights=values, minlength=grid.rows * grid.columns)
-        sums[number] = total.reshape(grid.shape)
-    return Moments(sums, grid.cell)
+        sums[number] = np.bincount(place, weights=values, minlength=here.size)
+    return here + first, sums
 
 
 def merged(moments: Moments) -> Moments:
@@ -98,7 +115,7 @@ def merged(moments: Moments) -> Moments:
     total = np.zeros((len(moments.sums), moments.shape[0] // 2, moments.shape[1] // 2))
     for i, dv in ((0, quarter), (1, -quarter)):  # row 0 is the northern one
         for j, du in ((0, -quarter), (1, quarter)):
-            n, u, v, z, uu, uv, vv, uz, vz, zz = moments.sums[:_PLAIN_SUMS, i::2, j::2]
+            n, u, v, z, uu, uv, vv, uz, vz, zz = moments.sums[:PLAIN_SUMS, i::2, j::2]
             total[N] += n
             total[U] += u + n * du
             total[V] += v + n * dv
@@ -109,7 +126,7 @@ def merged(moments: Moments) -> Moments:
             total[UZ] += uz + du * z
             total[VZ] += vz + dv * z
             total[ZZ] += zz
-            total[_PLAIN_SUMS:] += moments.sums[_PLAIN_SUMS:, i::2, j::2]
+            total[PLAIN_SUMS:] += moments.sums[PLAIN_SUMS:, i::2, j::2]
     return Moments(total, 2 * moments.side)
 
 
@@ -215,7 +232,7 @@ class _Centred:
 
 
 def _centred(sums: Float) -> _Centred:
-    n, u, v, z, uu, uv, vv, uz, vz, zz = sums[:_PLAIN_SUMS]
+    n, u, v, z, uu, uv, vv, uz, vz, zz = sums[:PLAIN_SUMS]
     mu, mv, mz = u / n, v / n, z / n
     return _Centred(
         n, mu, mv, mz, uu - u * mu, uv - u * mv, vv - v * mv, uz - u * mz, vz - v * mz, np.maximum(zz - z * mz, 0.0)

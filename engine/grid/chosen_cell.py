@@ -85,14 +85,21 @@ def level_step(cell: float, parameters: ChangeParameters) -> int:
     return max(0, math.floor(ratio + 1e-9) if largest else math.ceil(ratio - 1e-9))
 
 
-def largest_step(first: Points, second: Points, cell: float, parameters: ChangeParameters) -> int:
+def largest_step(
+    first: Points,
+    second: Points,
+    cell: float,
+    parameters: ChangeParameters,
+    standing: tuple[Index | None, Index | None] = (None, None),
+) -> int:
     """How often ``cell`` (m) may double its side.
 
     That is ``level_step``, and where the largest cell is left to the clouds, more until nine tenths of the squares in
     which both surveys have points have enough of both.
 
     Args:
-        first, second: points (n, 3) and (m, 3) of the epochs, metres.
+        first, second: points (n, 3) and (m, 3) of the epochs, metres; or the middles of cells with points.
+        standing: how many points each of these stands for; one by default.
     """
     step = level_step(cell, parameters)
     if parameters.largest_cell != AUTO or not len(first) or not len(second):
@@ -100,13 +107,19 @@ def largest_step(first: Points, second: Points, cell: float, parameters: ChangeP
     low, high = (end(a, b)[:2] for end, a, b in zip((np.minimum, np.maximum), bounds_of(first), bounds_of(second)))
     for more in range(_MAX_STEPS):
         side = cell * 2 ** (step + more)
-        if side > float((high - low).max()) or _served(first, second, low, high, side) >= _MIN_SERVED_SHARE:
+        if (
+            side > float((high - low).max())
+            or _served((first, second), standing, (low, high), side) >= _MIN_SERVED_SHARE
+        ):
             return step + more
     return step + _MAX_STEPS
 
 
-def _served(first: Points, second: Points, low: Float, high: Float, side: float) -> float:
+def _served(
+    clouds: tuple[Points, Points], standing: tuple[Index | None, Index | None], ends: tuple[Float, Float], side: float
+) -> float:
     """Share of the squares with points of both surveys that have enough of both; 0 without such squares."""
+    low, high = ends
     origin = np.floor(low / side)
     columns = int(np.floor(high[0] / side) - origin[0]) + 1
 
@@ -114,7 +127,14 @@ def _served(first: Points, second: Points, low: Float, high: Float, side: float)
         place = (np.floor(xyz[:, :2] / side) - origin).astype(np.int64)
         return np.asarray(place[:, 1] * columns + place[:, 0])
 
-    counts = [counted(squares(xyz) for xyz in parts_of(cloud)) for cloud in (first, second)]
+    counts = []
+    for cloud, each in zip(clouds, standing, strict=True):
+        if each is None:
+            counts.append(counted(squares(xyz) for xyz in parts_of(cloud)))
+        else:
+            assert not isinstance(cloud, SpooledCloud)
+            number, place = np.unique(squares(cloud), return_inverse=True)
+            counts.append((number, np.bincount(place.ravel(), each).astype(np.int64)))
     _, a, b = np.intersect1d(counts[0][0], counts[1][0], assume_unique=True, return_indices=True)
     fewest = np.minimum(counts[0][1][a], counts[1][1][b])
     return float(np.mean(fewest >= MIN_POINTS)) if fewest.size else 0.0

@@ -20,6 +20,7 @@ from .block_moments import Moments, cell_moments
 from .chosen_cell import largest_step, level_step
 from .grid import Grid
 from .grown_cells import COLUMNS, Grown, Growth, grow
+from .kept_moments import KeptMoments, TiledMoments
 from .partition import Partition
 from .plant_cells import PlantCells, together
 from .stored_tiles import StoredTiles
@@ -103,15 +104,55 @@ def adaptive_cells(
     frame = Frame.around(grid, 2**steps)
     tiles = Tiles.of(frame.grid.shape, 2**steps)
     epochs = [_tiled(cloud, frame, tiles, cover) for cloud, cover in zip((reference, moving), plants, strict=True)]
+    return _grown(epochs, growth, level, inside, progress)
+
+
+def adaptive_cells_of_moments(
+    reference: KeptMoments,
+    moving: KeptMoments,
+    grid: Grid,
+    parameters: ChangeParameters,
+    *,
+    registration_error: float = 0.0,
+    inside: NDArray[np.bool_] | None = None,
+    progress: Progress | None = None,
+) -> AdaptiveCells:
+    """As ``adaptive_cells``, from the sums of both epochs' points in the cells of ``grid``, which a series keeps."""
+    first, second = (_middles(kept, grid) for kept in (reference, moving))
+    steps = largest_step(first, second, grid.cell, parameters, (reference.points, moving.points))
+    growth = Growth(grid.cell, steps, level_step(grid.cell, parameters), registration_error, parameters)
+    frame = Frame.around(grid, 2**steps)
+    tiles = Tiles.of(frame.grid.shape, 2**steps)
+    level = reference.level
+    epochs = [TiledMoments.on(kept.from_level(level), frame, tiles) for kept in (reference, moving)]
+    return _grown(epochs, growth, level, inside, progress or Progress())
+
+
+def _middles(kept: KeptMoments, grid: Grid) -> Float:
+    row, column = np.divmod(kept.cell, grid.columns)
+    west, north = grid.west + (column + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell
+    return np.column_stack([west, north, np.zeros(len(row))])
+
+
+def _grown(
+    epochs: Sequence[Tiled | TiledMoments],
+    growth: Growth,
+    level: float,
+    inside: NDArray[np.bool_] | None,
+    progress: Progress,
+) -> AdaptiveCells:
+    """Args: level: of the heights, m."""
+    frame, tiles, multiple = epochs[0].frame, epochs[0].tiles, 2**growth.steps
     within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
     points = [epoch.counts(within) for epoch in epochs]
-    outlines = [_surveyed_cells(epoch, within, 2**steps) for epoch in epochs]
+    outlines = [_surveyed_cells(epoch, within, multiple) for epoch in epochs]
     within &= outlines[0] & outlines[1]
     del outlines
     parts = []
     windows = list(tiles.windows(epochs, within))
     for number, (outer, inner) in enumerate(windows):
-        progress.update(0.1 + 0.9 * number / len(windows), f"cells of {grid.cell:g} to {grid.cell * 2**steps:g} m")
+        largest = growth.cell * multiple
+        progress.update(0.1 + 0.9 * number / len(windows), f"cells of {growth.cell:g} to {largest:g} m")
         part = frame.part(outer)
         of_part = within[outer]
         moments = [_moments(epoch, outer, part, level) for epoch in epochs]
@@ -152,12 +193,14 @@ def _tiled(cloud: Points, frame: Frame, tiles: Tiles, cover: PlantCover | None) 
     return TiledPoints.on(cloud, frame, tiles, cover)
 
 
-def _surveyed_cells(epoch: Tiled, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def _surveyed_cells(epoch: Tiled | TiledMoments, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return surveyed(*epoch.hit(within), reach)
 
 
-def _moments(epoch: Tiled, window: Window, grid: Grid, level: float) -> Moments:
+def _moments(epoch: Tiled | TiledMoments, window: Window, grid: Grid, level: float) -> Moments:
     """Of the survey's points in the cells of a window of the frame, whose grid is ``grid``."""
+    if isinstance(epoch, TiledMoments):
+        return epoch.moments(window, grid)
     found: Moments | None = None
     for xyz, more in epoch.inside(window):
         of_part = cell_moments(xyz, grid, level, more)

@@ -90,6 +90,14 @@ class Tiles:
         """The tile of each cell."""
         return row // np.int32(self.side[0]) * np.int32(self.across) + column // np.int32(self.side[1])
 
+    def window(self, number: int) -> Window:
+        """Rows and columns of a tile."""
+        i, j = divmod(number, self.across)
+        return (
+            slice(i * self.side[0], min((i + 1) * self.side[0], self.shape[0])),
+            slice(j * self.side[1], min((j + 1) * self.side[1], self.shape[1])),
+        )
+
     def near(self, window: Window) -> Iterator[int]:
         """The tiles that a window of the frame reaches, row by row."""
         first, last = ([part.start for part in window], [part.stop - 1 for part in window])
@@ -97,17 +105,12 @@ class Tiles:
             for j in range(first[1] // self.side[1], last[1] // self.side[1] + 1):
                 yield i * self.across + j
 
-    def windows(self, epochs: Sequence[Tiled], within: NDArray[np.bool_]) -> Iterator[tuple[Window, Window]]:
+    def windows(self, epochs: Sequence[Reaching], within: NDArray[np.bool_]) -> Iterator[tuple[Window, Window]]:
         """Windows of the frame to work on, and the part of each that counts; only those in which both surveys have
         points, as points in the margin fill blocks of the neighbour only.
         """
-        rows, columns = self.shape
         for number in range(self.count):
-            i, j = divmod(number, self.across)
-            inner = (
-                slice(i * self.side[0], min((i + 1) * self.side[0], rows)),
-                slice(j * self.side[1], min((j + 1) * self.side[1], columns)),
-            )
+            inner = self.window(number)
             if self.count > 1 and not all(epoch.reaches(number, within) for epoch in epochs):
                 continue
             outer = tuple(
@@ -117,8 +120,21 @@ class Tiles:
             yield (outer[0], outer[1]), inner
 
 
+class Reaching(Protocol):
+    """What has points in some tiles of a frame."""
+
+    def reaches(self, tile: int, within: NDArray[np.bool_]) -> bool:
+        """Whether a point of the tile is ``within`` (frame's rows, columns)."""
+
+
 class Tiled(Protocol):
     """A survey's points by tiles of a frame."""
+
+    @property
+    def frame(self) -> Frame: ...
+
+    @property
+    def tiles(self) -> Tiles: ...
 
     @property
     def known(self) -> int:

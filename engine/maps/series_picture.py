@@ -10,6 +10,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.dates import date2num
 
+from ..core.arrays import Bool
 from ..core.number_text import fixed
 from ..core.staged_outputs import atomic_output
 from ..series.tables import About, zone_polygon
@@ -33,17 +34,20 @@ _MAX_LINES = 8  # more cannot be distinguished
 
 
 def write_series_picture(
-    path: Path, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About, footer: str
+    path: Path, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About, footer: str, unseen: Bool
 ) -> None:
     """Write the velocity map with the zones in the colours of their alerts, and the series of the highest of them.
 
     Bars are 95 % intervals. At most eight zones get a line: those with the highest alert, then the fastest.
+
+    Args:
+        unseen: ground (rows, columns) that the last survey did not compare; it is hatched.
     """
     sheet = Sheet(13.0, 5.6, dpi=110)
     ends = (about.dates[0].isoformat(), about.dates[-1].isoformat())
     title = say("{0} to {1}, {2} surveys").format(*ends, len(about.dates))
     sheet.text(6.5, 5.4, title, 12.0, ha="center")
-    _map(sheet, zones, velocity, about)
+    _map(sheet, zones, velocity, about, unseen)
     _chart(sheet.axes(7.4, 0.85, 5.4, 4.1), zones, about)
     sheet.text(6.5, 0.15, say(footer), 8.5, ha="center")
     with atomic_output(path) as partial:
@@ -54,7 +58,7 @@ def _ranked(zones: Sequence[ZoneSeries]) -> list[ZoneSeries]:
     return sorted(zones, key=lambda z: (-z.alert.level, -z.fastest))
 
 
-def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About) -> None:
+def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About, unseen: Bool) -> None:
     rate = 1000 * velocity.rate
     with np.errstate(invalid="ignore"):
         beyond = np.abs(velocity.rate) > Z95 * velocity.error
@@ -66,9 +70,18 @@ def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, abou
     wide, tall = inches * (east - west), inches * (north - south)
     axes = sheet.axes(0.6 + (5.6 - wide) / 2, 1.4 + (3.5 - tall) / 2, wide, tall, "map")
     draw_image(axes, image, about.grid, "nearest")
+    if unseen.any():
+        axes.contourf(
+            np.flipud(unseen).astype(np.float64),
+            levels=[0.5, 1.5],
+            colors="none",
+            hatches=["////"],
+            extent=(west, east, south, north),
+            zorder=2,
+        )
     draw_coordinates(axes, about.grid, inches)
     for zone in zones:
-        shape = zone_polygon(zone.outline, about.grid).buffer(about.grid.cell).buffer(-about.grid.cell)
+        shape = zone_polygon(zone.cells, about.grid).buffer(about.grid.cell).buffer(-about.grid.cell)
         for part in shapely.get_parts(shape):
             for colour, width in (("white", 2.6), (zone.alert.colour, 1.5)):
                 axes.plot(*np.array(part.exterior.coords).T, color=colour, linewidth=width, scalex=False, scaley=False)
@@ -83,7 +96,12 @@ def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, abou
     draw_north(sheet, 0.75, 0.5)
     draw_scale_bar(sheet, 1.25, 0.65, 1.6, inches)
     draw_signed_bar(sheet, (3.6, 0.65, 2.6, 0.16), diverging_colours(np.linspace(-1, 1, 256), 1.0), limit)
-    sheet.text(4.9, 0.95, say("velocity (mm/day): red lowers, blue rises, grey within its error"), ha="center")
+    sheet.text(
+        4.9,
+        0.95,
+        say("velocity (mm/day): red lowers, blue rises, grey within its error, hatched not compared"),
+        ha="center",
+    )
     used = {zone.alert.level: zone.alert for zone in zones}
     x = 0.6
     for level in sorted(used, reverse=True):

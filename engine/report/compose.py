@@ -13,7 +13,6 @@ from ...interface.parameters import (
     PUBLISHED_WORKFLOW,
     PUBLISHED_WORKFLOW_ID,
     DetailParameters,
-    GridChangeParameters,
     Specification,
     command_sets,
 )
@@ -41,7 +40,7 @@ _REPORTED = {
     *command_sets.INSPECT,
     *command_sets.DEMCHANGE,
     *command_sets.DISPLACEMENT,
-} - {GridChangeParameters}  # ChangeParameters has all of it
+}
 _MAX_ZONES, _MAX_PROFILES = 40, 12
 _ROLES = {
     "epoch": "survey of {0}",

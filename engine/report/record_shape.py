@@ -120,6 +120,9 @@ _CHANGE = fields(
         "level_of_detection": maybe(fields({}, {"terms": maybe(_ROWS), "slope_classes": maybe(_ROWS)})),
     },
 )
+_COVERED = fields(
+    {"epoch": day}, dict.fromkeys(("compared_share", "compared_m2", "only_first_m2", "only_this_m2"), _SHARE_OR_MORE)
+)
 _COURSE_NUMBERS = ("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3", "motion_m", "motion_err_m")
 _COURSE = fields({"epoch": day}, dict.fromkeys(_COURSE_NUMBERS, _NUMBER))
 _SERIES = fields(
@@ -127,6 +130,7 @@ _SERIES = fields(
     {
         "classes": maybe(_CLASSES),
         "course": maybe(table(rows(_COURSE))),
+        "coverage": maybe(rows(_COVERED)),
         "limits": maybe(_TEXTS),
         "dates": rows(day, 2, 10_000),
         "motion": maybe(fields({}, {"measured_share": _SHARE_OR_MORE, "smallest_motion_median_m": maybe(_NUMBER)})),

@@ -7,27 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.arrays import Index
+from ..core.arrays import Float, Index
 from ..grid.grid import Grid
 from ..statistics.normal import Z95
 from .alerts import AlertLevel, alert_of
 from .motion.windows import Layout
 from .motion.zones import MovingGround
-from .patch_errors import PatchErrors
 from .persistence import longest_run
 from .tracking import Sighting, Track
-from .zone_series import FOUND_BY, Course, Stack, SurfaceMotion, ZoneSeries, series_of
+from .zone_means import ZoneMeans
+from .zone_series import FOUND_BY, Course, SurfaceMotion, ZoneSeries, zone_series
 
 _MIN_SHARED_SHARE = 0.25  # of the smaller one's area: less in common is a touch, not the same place
 
 
 def joined_zones(
     zones: Sequence[ZoneSeries],
-    ground: Sequence[MovingGround],
+    ground: Sequence[tuple[MovingGround, ZoneMeans]],
     layout: Layout,
     grid: Grid,
-    stack: Stack,
-    shared: Sequence[PatchErrors],
+    days: Float,
     alerts: tuple[AlertLevel, ...],
 ) -> tuple[ZoneSeries, ...]:
     """The zones with the motion of the ground that they have most area in common with, then the ground without one.
@@ -36,25 +35,20 @@ def joined_zones(
     surface show nothing, its zone has their figures over the same cells all the same.
 
     Args:
+        ground: each with what the heights are on its cells.
         layout: of the windows of ``ground``.
         grid: of the changes and of the zones' cells.
-        stack, shared: of the heights, as for ``zone_series.series_of``.
+        days: (n,) days of the surveys since the first.
     """
-    cells = [cells_of(one.windows, layout, grid) for one in ground]
     taken: dict[int, int] = {}
-    for number, other in _matches([zone.cells for zone in zones], cells):
+    for number, other in _matches([zone.cells for zone in zones], [means.cells for _, means in ground]):
         taken[number] = other
-    found = [
-        with_motion(zone, ground[taken[n]], cells[taken[n]], stack, alerts) if n in taken else zone
-        for n, zone in enumerate(zones)
-    ]
-    for number, one in enumerate(ground):
-        if number not in taken.values() and len(cells[number]):
-            own = series_of(
-                _track(one, cells[number], layout, grid, stack), cells[number], stack, shared, alerts, np.inf
-            )
+    found = [with_motion(zone, *ground[taken[n]], days, alerts) if n in taken else zone for n, zone in enumerate(zones)]
+    for number, (one, means) in enumerate(ground):
+        if number not in taken.values():
+            own = zone_series(_track(one, means, layout, grid), means, days, alerts, minimum_area=np.inf)
             own = replace(own, found_by=FOUND_BY[1], alert=alerts[0], alert_reason="")
-            found.append(with_motion(own, one, cells[number], stack, alerts))
+            found.append(with_motion(own, one, means, days, alerts))
     return tuple(found)
 
 
@@ -88,17 +82,17 @@ def _matches(zones: Sequence[Index], ground: Sequence[Index]) -> list[tuple[int,
 
 
 def with_motion(
-    zone: ZoneSeries, ground: MovingGround, cells: Index, stack: Stack, alerts: tuple[AlertLevel, ...]
+    zone: ZoneSeries, ground: MovingGround, means: ZoneMeans, days: Float, alerts: tuple[AlertLevel, ...]
 ) -> ZoneSeries:
     """A zone with the motion of its ground, and with the higher alert of both."""
     along, error = ground.along, ground.along_error
-    course = Course.of(stack.days, along, ground.along_variance)
+    course = Course.of(days, along, ground.along_variance)
     with np.errstate(invalid="ignore"):
         moved = np.nan_to_num(along) > Z95 * np.nan_to_num(error, nan=np.inf)
     moved[0] = False
     measured = np.isfinite(along)
     run = longest_run(moved[1:].tolist(), measured[1:].tolist())
-    evidence = replace(course.evidence(run, float(stack.days[-1])), along_surface=True)
+    evidence = replace(course.evidence(run, float(days[-1])), along_surface=True)
     alert, reason = alert_of(evidence, alerts)
     leads = alert.level > zone.alert.level or (
         alert.level == zone.alert.level
@@ -113,7 +107,7 @@ def with_motion(
         zone,
         confirmed=zone.confirmed | moved,
         found_by=FOUND_BY[1] if zone.found_by == FOUND_BY[1] else FOUND_BY[2],
-        motion=SurfaceMotion(ground, cells, course, moved, leads),
+        motion=SurfaceMotion(ground, means.cells, course, moved, leads),
     )
 
 
@@ -123,10 +117,9 @@ def _sureness(course: Course) -> float:
     return 0.0 if velocity is None or not velocity.error else abs(velocity.rate) / velocity.error
 
 
-def _track(one: MovingGround, cells: Index, layout: Layout, grid: Grid, stack: Stack) -> Track:
+def _track(one: MovingGround, means: ZoneMeans, layout: Layout, grid: Grid) -> Track:
     """Ground that moves as a track of zones of the heights."""
-    last = stack.change[-1].ravel()[cells]
-    sign = 1 if len(last) and float(np.nansum(last)) > 0 else -1
+    known = means.change[np.isfinite(means.change)]
     sightings = tuple(
         Sighting(
             s.epoch,
@@ -136,4 +129,4 @@ def _track(one: MovingGround, cells: Index, layout: Layout, grid: Grid, stack: S
         )
         for s in one.sightings
     )
-    return Track(one.zone_id, sign, sightings, cells, one.parent, "")
+    return Track(one.zone_id, 1 if known[-1] > 0 else -1, sightings, means.cells, one.parent, "")

@@ -11,9 +11,10 @@ import numpy as np
 
 from ..change.result import Change
 from ..core.arrays import Index
+from ..grid.partition import Partition
 from ..grid.plant_cells import PlantCells
 
-_PLANTS = "plants_"
+_PLANTS, _SIDE, _BLOCK, _OWN = "plants_", "side_of_parts", "part_of_cell", ("points_from", "points_to")
 
 
 @dataclass(frozen=True)
@@ -34,14 +35,16 @@ class KeptChanges(Sequence[Change]):
         self._kept: list[_Kept] = []
 
     def add(self, change: Change) -> None:
-        """Keep a change of cells of one size on the whole grid."""
+        """Keep a change with arrays of the whole grid."""
         file = self._folder / f"{self._name}_{len(self._kept)}.npz"
         cells = np.flatnonzero((change.count_from > 0) | (change.count_to > 0) | np.isfinite(change.dz))
         arrays: dict[str, Any] = {name: array.ravel()[cells] for name, array in _arrays(change).items()}
+        side: dict[str, Any] = {} if change.partition.side is None else {_SIDE: change.partition.side}
         with file.open("wb") as stream:
-            np.savez(stream, cells=cells, **arrays)
-        nothing: dict[str, Any] = {name: np.zeros(0) for name in arrays if not name.startswith(_PLANTS)}
-        self._kept.append(_Kept(replace(change, **nothing, plants=None), file))
+            np.savez(stream, cells=cells, **side, **arrays)
+        nothing: dict[str, Any] = {f.name: np.zeros(0) for f in fields(change) if f.name in arrays}
+        partition = Partition(change.partition.shape, change.partition.cell)
+        self._kept.append(_Kept(replace(change, **nothing, plants=None, own_points=None, partition=partition), file))
 
     def again(self, other: KeptChanges, number: int) -> None:
         """Keep a change that another series of them keeps."""
@@ -67,26 +70,34 @@ class KeptChanges(Sequence[Change]):
 
 def _arrays(change: Change) -> dict[str, np.ndarray]:
     """Those of all cells (rows, columns), by name."""
-    assert change.own_points is None
     assert change.layout.listed is None
     found = {f.name: getattr(change, f.name) for f in fields(change)}
     if change.plants is not None:
         found |= {_PLANTS + f.name: getattr(change.plants, f.name) for f in fields(change.plants)}
+    if change.own_points is not None:
+        found |= dict(zip(_OWN, change.own_points, strict=True))
+    found[_BLOCK] = change.partition.block
     return {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
 
 
 def _read(kept: _Kept) -> Change:
     with np.load(kept.file, allow_pickle=False) as stored:
-        cells = stored["cells"]
+        cells, side = stored["cells"], stored[_SIDE] if _SIDE in stored.files else None
         arrays = {
-            name: _laid_out(cells, stored[name], kept.rest.grid.shape) for name in stored.files if name != "cells"
+            name: _laid_out(cells, stored[name], kept.rest.grid.shape, -1 if name == _BLOCK else 0)
+            for name in stored.files
+            if name not in ("cells", _SIDE)
         }
+    partition = replace(kept.rest.partition, block=arrays.pop(_BLOCK, None), side=side)
+    own = (arrays.pop(_OWN[0]), arrays.pop(_OWN[1])) if _OWN[0] in arrays else None
     plants = {name.removeprefix(_PLANTS): array for name, array in arrays.items() if name.startswith(_PLANTS)}
-    own: dict[str, Any] = {name: array for name, array in arrays.items() if not name.startswith(_PLANTS)}
-    return replace(kept.rest, **own, plants=PlantCells(**plants) if plants else None)
+    rest: dict[str, Any] = {name: array for name, array in arrays.items() if not name.startswith(_PLANTS)}
+    return replace(
+        kept.rest, **rest, partition=partition, own_points=own, plants=PlantCells(**plants) if plants else None
+    )
 
 
-def _laid_out(cells: Index, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    whole = np.full(shape, np.nan if values.dtype.kind == "f" else 0, dtype=values.dtype)
+def _laid_out(cells: Index, values: np.ndarray, shape: tuple[int, int], empty: int) -> np.ndarray:
+    whole = np.full(shape, np.nan if values.dtype.kind == "f" else empty, dtype=values.dtype)
     whole.ravel()[cells] = values
     return whole

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Any
@@ -15,6 +15,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from ..change.coverage import ground_compared
+from ..change.result import Change
 from ..core.arrays import Float
 from ..core.table_text import cell
 from ..crs.working_frame import horizontal
@@ -44,7 +46,7 @@ ZONE_FIELDS = field_kinds("""
     text: tangent_level tangent_note failure_from failure_to failure_note
     real: dz_mean_m dz_p95_m area_m2
     integer: n_cells
-    real: vol_loss_m3 vol_gain_m3 vol_net_m3 vol_err_m3 lod95_m slope_deg
+    real: vol_loss_m3 vol_gain_m3 vol_net_m3 vol_err_m3 vol_measured lod95_m slope_deg
     real: motion_m motion_err_m motion_rate_mm_day motion_rate_err motion_azimuth_deg motion_off_dip_deg
     real: motion_area_m2 motion_p_map
     text: motion_zone review_status reviewer remarks method run_id
@@ -55,11 +57,16 @@ SERIES_FIELDS = field_kinds("""
     real: dz_mean_m dz_err_m lod95_m motion_m motion_err_m
     text: state
     integer: confirmed
-    real: area_m2 vol_net_m3 vol_err_m3
+    real: area_m2 vol_net_m3 vol_err_m3 vol_measured
     integer: days_before
     real: step_m step_err_m rate_mm_day rate_err
     text: event
 """)
+
+
+COVERAGE_FIELDS = (
+    "epoch", "compared_share", "compared_m2", "only_first_m2", "only_this_m2", "too_few_points_m2", "cell_median_m",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -86,7 +93,7 @@ def zone_frame(zones: Sequence[ZoneSeries], last_change: Float, heights: Float, 
         name: table_column(_column([rows[i].get(name) for i in order], kind), kind, len(rows))
         for name, kind in ZONE_FIELDS.items()
     }
-    shapes = [zone_polygon(zones[i].outline, about.grid) for i in order]
+    shapes = [zone_polygon(zones[i].cells, about.grid) for i in order]
     return gpd.GeoDataFrame(columns, geometry=np.array(shapes, dtype=object), crs=horizontal(about.crs))
 
 
@@ -95,7 +102,7 @@ def series_frame(zones: Sequence[ZoneSeries], about: About) -> gpd.GeoDataFrame:
     rows: list[dict[str, Any]] = []
     shapes: list[Any] = []
     for zone in zones:
-        shape = zone_polygon(zone.outline, about.grid)
+        shape = zone_polygon(zone.cells, about.grid)
         for i in range(1, len(about.dates)):
             rows.append(_survey_row(zone, i, about))
             shapes.append(shape)
@@ -115,6 +122,29 @@ def series_csv(frame: gpd.GeoDataFrame) -> str:
     writer.writerow(SERIES_FIELDS)
     for row in frame[list(SERIES_FIELDS)].itertuples(index=False):
         writer.writerow([_in_cell(value) for value in row])
+    return text.getvalue()
+
+
+def coverage_rows(changes: Iterable[Change], about: About) -> list[dict[str, Any]]:
+    """Of each survey from the second on: how much ground was compared with the first survey, and why the rest was not.
+
+    Fields are ``COVERAGE_FIELDS``; areas are on the map.
+    """
+    rows = []
+    for day, change in zip(about.dates[1:], changes, strict=True):
+        found = ground_compared(change)
+        sizes = change.partition.sizes[change.valid]
+        values = (found.share, found.compared, found.only_first, found.only_second, found.too_few, np.median(sizes))
+        rows.append({"epoch": day.isoformat()} | dict(zip(COVERAGE_FIELDS[1:], map(float, values), strict=True)))
+    return rows
+
+
+def coverage_csv(rows: Sequence[dict[str, Any]]) -> str:
+    """``coverage_rows`` as CSV text."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COVERAGE_FIELDS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({k: v if k == "epoch" else round(v, 4) for k, v in row.items()} for row in rows)
     return text.getvalue()
 
 
@@ -153,12 +183,11 @@ def _column(values: list[Any], kind: str) -> NDArray:
 
 def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About) -> dict[str, Any]:
     last, first = zone.last, about.dates[0]
-    area = int(zone.measured[last]) * about.grid.cell**2
     values = last_change.ravel()[zone.cells]
     values = values[np.isfinite(values)]
     signed = np.abs(values[values * zone.track.sign > 0])
     owner = np.zeros(len(zone.cells), dtype=np.int64)
-    change, error = float(zone.change[last]), float(zone.error[last])
+    error, volume = float(zone.error[last]), float(zone.means.volume[last])
     seen = [s.epoch for s in (*zone.track.sightings, *(zone.motion.ground.sightings if zone.motion else ()))]
     course, slid = zone.leading, zone.kind == SLIDING
     row: dict[str, Any] = {
@@ -179,15 +208,16 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "merged": ", ".join(o for s in zone.track.sightings if s.event == "merged" for o in s.others),
         "n_epochs": int(np.count_nonzero(zone.measured)),
         "n_epochs_confirmed": zone.epochs_confirmed,
-        "dz_mean_m": change,
+        "dz_mean_m": float(zone.change[last]),
         "dz_p95_m": zone.track.sign * float(np.quantile(signed, 0.95)) if len(signed) else None,
-        "area_m2": area,
-        "n_cells": int(zone.measured[last]),
+        "area_m2": zone.means.area,
+        "n_cells": len(values),
         # what slid is still there
-        "vol_loss_m3": None if slid else float(-values[values < 0].sum() * about.grid.cell**2),
-        "vol_gain_m3": None if slid else float(values[values > 0].sum() * about.grid.cell**2),
-        "vol_net_m3": change * area,
-        "vol_err_m3": error * area,
+        "vol_loss_m3": None if slid else max(-volume, 0.0),
+        "vol_gain_m3": None if slid else max(volume, 0.0),
+        "vol_net_m3": volume,
+        "vol_err_m3": float(zone.means.volume_error[last]),
+        "vol_measured": float(zone.measured[last]),
         "lod95_m": Z95 * error,
         "slope_deg": float(inclination(owner, zone.cells, 1, heights.ravel()[zone.cells], about.grid)[0]),
         "review_status": UNREVIEWED,
@@ -250,7 +280,6 @@ def _motion_columns(zone: ZoneSeries) -> dict[str, Any]:
 def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
     known = zone.measured[i] > 0
     change, error = (float(zone.change[i]), float(zone.error[i])) if known else (None, None)
-    area = int(zone.measured[i]) * about.grid.cell**2
     state = "not measured"
     if change is not None and error is not None:
         beyond = abs(change) > Z95 * error
@@ -273,9 +302,10 @@ def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
         "motion_err_m": along_error,
         "state": state,
         "confirmed": int(zone.confirmed[i]),
-        "area_m2": area,
-        "vol_net_m3": None if change is None else change * area,
-        "vol_err_m3": None if error is None else error * area,
+        "area_m2": zone.means.area,
+        "vol_net_m3": float(zone.means.volume[i]) if known else None,
+        "vol_err_m3": float(zone.means.volume_error[i]) if known else None,
+        "vol_measured": float(zone.measured[i]),
         "days_before": before,
         "step_m": step,
         "step_err_m": step_error,

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..core.arrays import Float, Index
 from ..statistics.normal import Z95
@@ -15,47 +14,26 @@ from ..zones.fields import KINDS, SLIDING
 from .alerts import AlertLevel, Evidence, alert_of
 from .inverse_velocity import FailureTime, failure_time
 from .motion.zones import MovingGround
-from .patch_errors import PatchErrors, away_from, patch_errors
 from .persistence import longest_run
 from .tangent_angle import TangentAngle, tangent_angle
 from .tracking import Track
 from .velocity import Velocity, zone_velocity
-
-_MIN_MEASURED_SHARE = 0.1  # of a zone's cells: with fewer a survey did not measure it
+from .zone_means import ZoneMeans
 
 
 @dataclass(frozen=True)
 class Stack:
-    """The surveys of a series against the first, on one grid. Lists have one entry a survey, the first included.
+    """The cells of all surveys against the first, on one grid. Lists have one entry a survey, the first included.
 
     Attributes:
         days: (n,) days since the first survey.
         change: (rows, columns) metres against the first survey; 0 in its own cells, NaN where not measured.
-        variance: (rows, columns) each survey's own sampling variance, m².
-        shared: each survey's registration error, metres; 0 for the first.
-        significant: cells beyond their level of detection; none for the first.
-        cell: side of a cell, metres.
-        plants: (rows, columns) each survey's own error by plants, metres, which neighbours share; none without.
+        variance: (rows, columns) each survey's own variance of a cell, plants included, m².
     """
 
     days: Float
     change: Sequence[Float]
     variance: Sequence[Float]
-    shared: Sequence[float]
-    significant: Sequence[NDArray[np.bool_]]
-    cell: float
-    plants: Sequence[Float] = ()
-
-    @property
-    def cell_variance(self) -> list[Float]:
-        """Each survey's own variance of a cell, plants included, m²."""
-        if not self.plants:
-            return list(self.variance)
-        return [own + plant**2 for own, plant in zip(self.variance, self.plants, strict=True)]
-
-    def mean_plants(self, survey: int, cells: Index) -> float:
-        """Error by plants of the mean change of ``cells`` (flat indices), which averages nothing out, metres."""
-        return float(self.plants[survey].ravel()[cells].mean()) if self.plants else 0.0
 
 
 FOUND_BY = ("heights", "motion", "both")
@@ -108,18 +86,13 @@ class SurfaceMotion:
 class ZoneSeries:
     """A tracked zone through time; arrays have one value a survey.
 
-    ``cells`` (flat indices) is its footprint with gaps and holes filled: all measured cells in it count, significant or
-    not, so that noise does not choose which. ``change`` is their mean in metres (NaN: not measured), ``variance``
-    each survey's own variance of it (m²), ``measured`` the number of cells, ``confirmed`` whether the survey
-    confirms the zone. ``velocity``, ``angle`` and ``failure`` are of the heights; ``motion`` is that along the surface,
-    where there is any, and ``found_by`` one of ``FOUND_BY``.
+    ``means`` hold the zone's ground, which its polygon, area, mean change and volume are all of, and what each survey
+    measured there; ``confirmed`` whether the survey confirms the zone. ``velocity``, ``angle`` and ``failure`` are of
+    the heights; ``motion`` is that along the surface, where there is any, and ``found_by`` one of ``FOUND_BY``.
     """
 
     track: Track
-    cells: Index
-    change: Float
-    variance: Float
-    measured: NDArray[np.int64]
+    means: ZoneMeans
     confirmed: NDArray[np.bool_]
     velocity: Velocity | None
     angle: TangentAngle
@@ -142,9 +115,24 @@ class ZoneSeries:
         return Course(self.velocity, self.angle, self.failure)
 
     @property
-    def outline(self) -> Index:
-        """Its cells, and those that move along the surface."""
-        return self.cells if self.motion is None else np.union1d(self.cells, self.motion.cells)
+    def cells(self) -> Index:
+        """Its ground, flat indices."""
+        return self.means.cells
+
+    @property
+    def change(self) -> Float:
+        """Mean change, metres; NaN: not measured."""
+        return self.means.change
+
+    @property
+    def variance(self) -> Float:
+        """Each survey's own variance of ``change``, m²."""
+        return self.means.variance
+
+    @property
+    def measured(self) -> Float:
+        """Share of the ground that was measured."""
+        return self.means.measured
 
     @property
     def fastest(self) -> float:
@@ -170,110 +158,26 @@ class ZoneSeries:
 
 
 def zone_series(
-    tracks: Sequence[Track],
-    stack: Stack,
-    alerts: tuple[AlertLevel, ...],
-    *,
-    minimum_area: float,
-    bridged: int,
-) -> tuple[ZoneSeries, ...]:
-    """Series of every zone.
+    track: Track, means: ZoneMeans, days: Float, alerts: tuple[AlertLevel, ...], *, minimum_area: float
+) -> ZoneSeries:
+    """Series of one zone, from what each survey measured on its ground.
 
     A survey confirms a zone where the mean change is beyond its own level of detection with the zone's sign, and the
-    zone's significant cells of that sign are at least ``minimum_area`` (m²).
-
-    The mean's error holds the sampling of its cells; the registration and the plants, or what patches of stable ground
-    of the zone's size show if that is more; and, where a survey measured only part of the zone, the scatter of the
-    change within it.
+    significant change of that sign is at least ``minimum_area`` (m²).
 
     Args:
-        bridged: gap in cells up to which the footprint is closed.
+        days: (n,) days of the surveys since the first.
     """
-    shared = shared_errors(tracks, stack, bridged)
-    shape = stack.change[0].shape
-    return tuple(
-        series_of(track, _filled(track.footprint, shape, bridged), stack, shared, alerts, minimum_area)
-        for track in tracks
-    )
-
-
-def shared_errors(tracks: Sequence[Track], stack: Stack, bridged: int) -> list[PatchErrors]:
-    """Of each survey what patches of ground away from all ``tracks`` show of the errors of means."""
-    moved = np.zeros(stack.change[0].shape, dtype=bool)
-    for track in tracks:
-        moved.ravel()[track.footprint] = True
-    stable = away_from(moved, max(2, bridged))
-    return [
-        patch_errors(dz, own + stack.variance[0], stable) for dz, own in zip(stack.change, stack.variance, strict=True)
-    ]
-
-
-def _filled(cells: Index, shape: tuple[int, ...], bridged: int) -> Index:
-    """The footprint closed over ``bridged`` cells, its holes filled (flat indices)."""
-    row, column = np.divmod(cells, shape[1])
-    edge = bridged + 1
-    top, left = int(row.min()) - edge, int(column.min()) - edge
-    part = np.zeros((int(row.max()) - top + edge + 1, int(column.max()) - left + edge + 1), dtype=bool)
-    part[row - top, column - left] = True
-    if bridged:
-        size = bridged // 2 * 2 + 1
-        part = ndimage.binary_closing(part, np.ones((size, size), dtype=bool)) | part
-    filled = np.argwhere(ndimage.binary_fill_holes(part)) + (top, left)
-    inside = ((filled >= 0) & (filled < shape)).all(axis=1)
-    return filled[inside, 0] * shape[1] + filled[inside, 1]
-
-
-def series_of(
-    track: Track,
-    cells: Index,
-    stack: Stack,
-    shared: Sequence[PatchErrors],
-    alerts: tuple[AlertLevel, ...],
-    minimum_area: float,
-) -> ZoneSeries:
-    """The series of one zone over ``cells`` (flat indices); see ``zone_series``."""
-    count = len(stack.days)
-    change, variance = np.full(count, np.nan), np.full(count, np.nan)
-    measured, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
-    values = [dz.ravel()[cells] for dz in stack.change]
-    ever = int(np.count_nonzero(np.any([np.isfinite(v) for v in values[1:]], axis=0)))
-    least = max(3, _MIN_MEASURED_SHARE * ever)
-    for i, dz in enumerate(values):
-        own = stack.variance[i].ravel()[cells]
-        known = np.isfinite(dz) & np.isfinite(own)
-        n = int(np.count_nonzero(known))
-        if n < least:
-            continue
-        measured[i] = n
-        change[i] = dz[known].mean()
-        by_plants = stack.mean_plants(i, cells[known]) ** 2
-        common = max(stack.shared[i] ** 2 + by_plants, shared[i].excess_of(n) if i else 0.0)
-        # of a part measured, the mean differs from that of the whole by the scatter within
-        partial = dz[known].var() / n * max(0.0, 1.0 - n / max(ever, 1)) if i else 0.0
-        variance[i] = own[known].sum() / n**2 + common + partial
-        signed = stack.significant[i].ravel()[cells] & (np.nan_to_num(dz) * track.sign > 0)
-        seen[i] = np.count_nonzero(signed) * stack.cell**2 >= minimum_area * (1 - 1e-9)
+    change, variance = means.change, means.variance
+    seen = (means.lowered if track.sign < 0 else means.raised) >= minimum_area * (1 - 1e-9)
     with np.errstate(invalid="ignore"):
         beyond = np.abs(change) > Z95 * np.sqrt(variance + variance[0])
         confirmed = seen & beyond & (np.sign(change) == track.sign)
     confirmed[0] = False
-    course = Course.of(stack.days, change, variance)
+    course = Course.of(days, change, variance)
     known_last = np.flatnonzero(np.isfinite(change))
     last = int(known_last[-1]) if len(known_last) else 0
-    significant = last > 0 and bool(beyond[last])
-    volume = float(change[last]) * int(measured[last]) * stack.cell**2 if significant else 0.0
-    run = longest_run(confirmed[1:].tolist(), (measured[1:] > 0).tolist())
-    alert, reason = alert_of(course.evidence(run, float(stack.days[-1]), volume), alerts)
-    return ZoneSeries(
-        track,
-        cells,
-        change,
-        variance,
-        measured,
-        confirmed,
-        course.velocity,
-        course.angle,
-        course.failure,
-        alert,
-        reason,
-    )
+    volume = float(means.volume[last]) if last > 0 and beyond[last] else 0.0
+    run = longest_run(confirmed[1:].tolist(), (means.measured[1:] > 0).tolist())
+    alert, reason = alert_of(course.evidence(run, float(days[-1]), volume), alerts)
+    return ZoneSeries(track, means, confirmed, course.velocity, course.angle, course.failure, alert, reason)

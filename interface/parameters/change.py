@@ -10,7 +10,7 @@ from .specification import AUTO, ParameterSet, _parameter, given
 
 @dataclass(frozen=True)
 class GridChangeParameters(ParameterSet, record_name="change"):
-    """Gridding and differencing of registered ground clouds in cells of one size, as a series takes them."""
+    """Gridding and differencing of registered ground clouds in cells of one size."""
 
     cell: float | str = _parameter(
         AUTO,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .assets import AssetParameters
 from .batch import BatchParameters
-from .change import ChangeParameters, GridChangeParameters
+from .change import ChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
 from .details import DetailParameters
@@ -70,7 +70,7 @@ _FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
 _MOTION: Sets = (DisplacementStepParameters, DisplacementParameters)
 INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_RELATED, *_SHOWN)
 SERIES: Sets = (
-    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, DisplacementStepParameters, *_RELATED,
+    *_READ, SeriesParameters, *_FROM_RAW, ChangeParameters, ZoneParameters, DisplacementStepParameters, *_RELATED,
     DetailParameters, OutputParameters,
 )  # fmt: skip
 BATCH: Sets = (

@@ -27,7 +27,7 @@ from slopewatch.workflows.settings import SeriesSettings
 READY = SeriesSettings(series=SeriesParameters(ground_ready=True), change=GridChangeParameters(cell=0.25))
 
 
-STEPS = ("extract_ground", "register_pair", "epoch_cells")
+STEPS = ("extract_ground", "register_pair", "epoch_cells", "epoch_moments")
 
 
 @pytest.fixture(scope="session")

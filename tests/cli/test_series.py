@@ -34,11 +34,14 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
-def test_cells_that_grow_are_not_offered(folder, tmp_path):
-    done = run("series", folder, "--ground-ready", "--adaptive", "--output-dir", tmp_path / "a")
-    assert done.returncode == 2
-    assert "No such option" in done.stderr
-    assert "--adaptive" in done.stderr
+def test_cells_grow_by_default(folder, tmp_path):
+    done = run(
+        "series", folder, "--ground-ready", "--method", "none", "--no-displacement", "--output-dir", tmp_path / "a"
+    )
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "a" / "run.json").read_text())
+    assert record["parameters"]["change"]["adaptive"] is True
+    assert record["coverage"][-1]["compared_share"] > 0.95
 
 
 def test_folder_in_results_out(folder, tmp_path):

@@ -13,6 +13,7 @@ import pytest
 import shapely
 from pyproj import CRS
 from slopewatch.engine.change.difference import difference
+from slopewatch.engine.change.epoch_cells import epoch_moments
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.grid import stored_cells
@@ -22,10 +23,10 @@ from slopewatch.engine.grid.stored_cells import stored_statistics
 from slopewatch.engine.pointcloud import in_parts
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.in_parts import SpooledCloud, spool
-from slopewatch.engine.pointcloud.plant_cover import ERROR, HEIGHT
+from slopewatch.engine.pointcloud.plant_cover import ERROR, HEIGHT, PlantCover
 from slopewatch.engine.pointcloud.writing import write_cloud
 from slopewatch.engine.series.kept_changes import KeptChanges
-from slopewatch.interface.parameters import DisplacementStepParameters, GridChangeParameters
+from slopewatch.interface.parameters import ChangeParameters, DisplacementStepParameters, GridChangeParameters
 from slopewatch.tests.builders.equal_results import same
 from slopewatch.tests.builders.series_clouds import READY
 from slopewatch.tests.builders.turned_slope import turned_slope
@@ -61,8 +62,8 @@ def on_disk(monkeypatch):
     return begin
 
 
-@pytest.mark.parametrize("bounded", [False, True])
-def test_the_same_files_as_in_memory(clouds, tmp_path, on_disk, monkeypatch, bounded):
+@pytest.mark.parametrize(("bounded", "grows"), [(False, False), (True, False), (False, True)])
+def test_the_same_files_as_in_memory(clouds, tmp_path, on_disk, monkeypatch, bounded, grows):
     roi = None
     if bounded:
         roi, low = tmp_path / "roi.gpkg", laspy.read(clouds[0].path).header.mins
@@ -70,6 +71,8 @@ def test_the_same_files_as_in_memory(clouds, tmp_path, on_disk, monkeypatch, bou
         gpd.GeoDataFrame(geometry=[area], crs=32651).to_file(roi)
     # motion along the surface of such surveys: test_series_motion.py
     ready = replace(READY, displacement_step=DisplacementStepParameters(displacement=False))
+    if grows:
+        ready = replace(ready, change=ChangeParameters(cell=0.25))
     monitor_series(clouds, tmp_path / "held", ready, roi=roi)
     on_disk()
     read = []
@@ -102,11 +105,18 @@ def test_cells_of_points_on_the_disk(clouds, tmp_path, on_disk):
 
 
 @pytest.mark.parametrize("with_plants", [False, True])
-@pytest.mark.parametrize("threshold", ["probabilistic", "coherent"])
-def test_changes_come_back_as_they_were(tmp_path, with_plants, threshold):
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        GridChangeParameters(cell=0.25),
+        GridChangeParameters(cell=0.25, threshold="coherent"),
+        ChangeParameters(cell=0.25),
+    ],
+)
+def test_changes_come_back_as_they_were(tmp_path, with_plants, parameters):
     (first, one), (second, two) = turned_slope(20.0)
     plants = (one, two) if with_plants else (None, None)
-    change = difference(first, second, GridChangeParameters(cell=0.25, threshold=threshold), plants=plants)
+    change = difference(first, second, parameters, plants=plants)
     kept, others = KeptChanges(tmp_path, "some"), KeptChanges(tmp_path, "others")
     kept.add(change)
     others.again(kept, 0)
@@ -114,6 +124,16 @@ def test_changes_come_back_as_they_were(tmp_path, with_plants, threshold):
     for again in (kept[0], next(iter(others)), kept[-1:][0]):
         same(again, change)
     assert not any(isinstance(value, np.ndarray) and value.size for value in vars(kept._kept[0].rest).values())
+
+
+def test_sums_of_points_on_the_disk(clouds, tmp_path, on_disk):
+    on_disk()
+    cloud = spool(clouds[1].path, None, tmp_path / "0.points")
+    parts = list(cloud.parts())
+    xyz, known = np.concatenate([part for part, _ in parts]), [cover for _, cover in parts]
+    cover = PlantCover(*(np.concatenate([getattr(c, name) for c in known]) for name in ("error", "height")))
+    grid = common_grid(xyz, xyz, GridChangeParameters(cell=0.2))
+    same(epoch_moments(cloud, grid), epoch_moments(xyz, grid, cover))
 
 
 def test_a_large_survey_keeps_its_plants_within_an_area(clouds, tmp_path, on_disk):

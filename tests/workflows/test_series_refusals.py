@@ -11,11 +11,7 @@ import pytest
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.manifest import epochs_of
-from slopewatch.interface.parameters import (
-    ChangeParameters,
-    GridChangeParameters,
-    InputParameters,
-)
+from slopewatch.interface.parameters import GridChangeParameters, InputParameters
 from slopewatch.tests.builders.series_clouds import FIXED, plane
 from slopewatch.workflows.series import monitor_series
 from slopewatch.workflows.settings import SeriesSettings
@@ -112,9 +108,6 @@ class TestBadInput:
         for path in sorted(folder.iterdir())[1:]:
             path.unlink()
         self.refused(folder, "One survey was given; a series takes at least two")
-
-    def test_growing_cells(self, folder):
-        self.refused(folder, "adaptive.*not for a series", replace(FIXED, change=ChangeParameters(adaptive=True)))
 
     def test_broken_alert_table(self, folder):
         (folder.parent / "alerts.csv").write_text("level,name\n0,none\n")

@@ -26,6 +26,7 @@ from ...interface.parameters import (
     ParameterSet,
     ScreeningParameters,
 )
+from ..series_preparation import held_whole
 from .jobs import Problem, Slope
 from .planning import Plan
 from .settings import INSPECT, group_of
@@ -67,6 +68,7 @@ def slope_memory(slope: Slope, command: str, groups: Mapping[type[ParameterSet],
         if not region.is_empty and region.area > 0:
             west, south, east, north = region.bounds
             sized = _sized(change, spacing)
+            sized = held_whole(sized) if command == "series" else sized
             grid = memory_needed((west, south, east, north), region.area, sized, plants=True)
             grid = min(grid, allowed(change))  # more is refused
     torch = any(

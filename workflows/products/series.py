@@ -10,6 +10,7 @@ from typing import Any
 import geopandas as gpd
 import numpy as np
 
+from ...engine.change.coverage import not_compared
 from ...engine.change.result import Change
 from ...engine.core.arrays import Float
 from ...engine.core.progress import Progress
@@ -20,7 +21,15 @@ from ...engine.maps import palette, qgis_styles
 from ...engine.maps.series_picture import write_series_picture
 from ...engine.series.alerts import AlertLevel, alerts_csv
 from ...engine.series.analysis import Analysis
-from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
+from ...engine.series.tables import (
+    ZONE_FIELDS,
+    About,
+    coverage_csv,
+    coverage_rows,
+    series_csv,
+    series_frame,
+    zone_frame,
+)
 from ...engine.series.velocity import CellVelocity
 from ...engine.series.zone_series import FOUND_BY
 from ...engine.statistics.normal import Z95
@@ -37,6 +46,7 @@ SERIES_OUTPUTS = (
     "epochs_confirmed.tif",
     "series.gpkg",
     "series.csv",
+    "coverage.csv",
     "series.png",
     "alerts_used.csv",
     "report.html",
@@ -169,10 +179,20 @@ def write_tables(
     )
     stage.path("series.csv").write_text(series_csv(series), encoding="utf-8")
     stage.path("alerts_used.csv").write_text(alerts_csv(alerts), encoding="utf-8")
-    write_series_picture(stage.path("series.png"), zones, velocity, about, footer)
+    write_series_picture(stage.path("series.png"), zones, velocity, about, footer, not_compared(last))
     names = {"series_zones": "series.gpkg", "series_table": "series.csv", "series_picture": "series.png"}
     run.outputs |= {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}
     return table, series
+
+
+def write_coverage(run: Run, analysis: Analysis, about: About) -> None:
+    """The table of the ground that each survey compared, as CSV and for the record and the report."""
+    rows = coverage_rows(analysis.cumulative, about)
+    run.stage.path("coverage.csv").write_text(coverage_csv(rows), encoding="utf-8")
+    run.outputs["coverage"] = run.stage.final("coverage.csv")
+    run.facts["coverage"] = rows
+    run.figures["compared_share"] = rows[-1]["compared_share"]
+    run.figures["least_compared_share"] = min(row["compared_share"] for row in rows)
 
 
 def write_class_table(run: Run, analysis: Analysis, about: About) -> None:

@@ -17,10 +17,10 @@ from slopewatch.engine.series.motion.windows import Layout
 from slopewatch.engine.series.motion.zones import MovingGround
 from slopewatch.engine.series.tables import About, zone_frame
 from slopewatch.engine.series.tracking import Sighting, Track
-from slopewatch.engine.series.zone_series import Stack, shared_errors, zone_series
+from slopewatch.engine.series.zone_means import ZoneMeans
+from slopewatch.engine.series.zone_series import zone_series
 
 SHAPE, DAYS, CELL = (40, 60), np.array([0.0, 30.0, 60.0, 90.0]), 0.5
-SIGMA = 0.02
 GRID = Grid(100.0, 220.0, CELL, *SHAPE)  # 30 by 20 m
 WINDOWS = Grid(100.0, 220.0, 2.0, 10, 15)
 LAYOUT = Layout(
@@ -33,15 +33,22 @@ LAYOUT = Layout(
 ALERTS = read_alerts(None)
 
 
-def stack(rate: float) -> tuple[Stack, Track]:
-    """Heights that sink in a square of 5 m by ``rate`` metres a day."""
-    rng = np.random.default_rng(3)
+def heights(cells: np.ndarray, rate: float) -> ZoneMeans:
+    """Cells whose heights sink by ``rate`` metres a day."""
+    area, sigma = len(cells) * CELL**2, 0.001
+    change = rate * DAYS + np.array([0.0, 0.001, -0.001, 0.0005])
+    lowered = np.array([0.0, area, area, area])
+    error = np.array([0.0, *[2**0.5 * sigma * area] * 3])
+    return ZoneMeans(cells, area, change, np.full(4, sigma**2), change * area, error, np.ones(4), lowered, np.zeros(4))
+
+
+def sinking(rate: float):
+    """A zone of 5 by 5 m."""
     inside = np.zeros(SHAPE, dtype=bool)
     inside[10:20, 10:20] = True
-    change = [np.zeros(SHAPE), *(rng.normal(0, SIGMA, SHAPE) + rate * day * inside for day in DAYS[1:])]
-    significant = [np.abs(c) > 1.96 * SIGMA for c in change]
-    track = Track("S001", -1, (Sighting(1, np.flatnonzero(inside), "new"),), np.flatnonzero(inside), "", "")
-    return Stack(DAYS, change, [np.full(SHAPE, SIGMA**2 / 2)] * 4, [0.0] * 4, significant, CELL), track
+    cells = np.flatnonzero(inside)
+    track = Track("S001", -1, (Sighting(1, cells, "new"),), cells, "", "")
+    return zone_series(track, heights(cells, rate), DAYS, ALERTS, minimum_area=1.0)
 
 
 def ground(row: int, column: int, rate: float, number: int = 1, error: float = 0.005) -> MovingGround:
@@ -60,9 +67,9 @@ def ground(row: int, column: int, rate: float, number: int = 1, error: float = 0
 
 
 def joined(rate: float, *moving: MovingGround):
-    given, track = stack(rate)
-    zones = zone_series([track], given, ALERTS, minimum_area=1.0, bridged=2)
-    return zones, joined_zones(zones, moving, LAYOUT, GRID, given, shared_errors([track], given, 2), ALERTS)
+    zones = (sinking(rate),)
+    placed = [(one, heights(cells_of(one.windows, LAYOUT, GRID), 0.0)) for one in moving]
+    return zones, joined_zones(zones, placed, LAYOUT, GRID, DAYS, ALERTS)
 
 
 def test_the_cells_of_windows_are_those_whose_middles_they_hold():
@@ -77,7 +84,7 @@ def test_one_place_is_one_zone_whatever_found_it():
     assert (zone.track.zone_id, zone.kind, zone.found_by) == ("S001", "subsidence", "both")
     assert np.array_equal(zone.change, zones[0].change, equal_nan=True)
     assert zone.motion.ground.zone_id == "M001"
-    assert len(zone.outline) > len(zone.cells)
+    assert zone.cells is zones[0].cells  # what the polygon, the area and the volume are of
 
 
 def test_ground_whose_heights_show_nothing_is_a_zone_of_its_own():
@@ -96,7 +103,7 @@ def test_what_slid_lost_and_gained_no_material():
     _, found = joined(-0.001, ground(6, 10, 0.004))
     days = tuple(date(2024, 5, 1) + timedelta(days=float(day)) for day in DAYS)
     about = About(days, CRS.from_epsg(32651), GRID, "", "")
-    frame = zone_frame(found, stack(-0.001)[0].change[-1], np.zeros(SHAPE), about).set_index("zone_id")
+    frame = zone_frame(found, np.full(SHAPE, -0.09), np.zeros(SHAPE), about).set_index("zone_id")
     assert frame.loc["M001", "kind"] == "sliding"
     assert frame.loc["M001", ["vol_loss_m3", "vol_gain_m3"]].isna().all()
     assert np.isfinite(frame.loc["M001", "vol_net_m3"])
@@ -110,9 +117,9 @@ def test_of_two_places_in_one_zone_the_larger_part_counts():
 
 
 def test_the_higher_alert_counts_and_says_by_what():
-    heights, (zone,) = joined(-0.006, ground(2, 2, 0.0005))
+    alone, (zone,) = joined(-0.006, ground(2, 2, 0.0005))
     assert not zone.motion.leads
-    assert (zone.alert, zone.alert_reason) == (heights[0].alert, heights[0].alert_reason)
+    assert (zone.alert, zone.alert_reason) == (alone[0].alert, alone[0].alert_reason)
     assert zone.leading.velocity is zone.velocity
     lower, (faster,) = joined(-0.0005, ground(2, 2, 0.006))
     assert faster.motion.leads
