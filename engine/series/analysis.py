@@ -30,7 +30,9 @@ from ..grid.pooled_variance import pooled_variance
 from ..pointcloud.in_parts import SpooledCloud
 from ..zones.groups import label_groups
 from .alerts import AlertLevel
+from .bodies import with_bodies
 from .joined import joined_zones
+from .judged import judged_zones
 from .kept_changes import KeptChanges
 from .motion.windows import Layout
 from .motion.zones import MovingGround
@@ -115,7 +117,8 @@ def analyse(
     del groups
     bridged = _bridged(zone_parameters, grid)
     found = zone_series(_living(tracks), stack, alerts, minimum_area=zone_parameters.minimum_area, bridged=bridged)
-    zones = tuple(z for z in found if z.epochs_confirmed > 0)
+    confirmed_zones = [z for z in found if z.confirmed.any()]
+    zones = with_bodies(judged_zones(confirmed_zones, stack.days, cumulative, grid.cell, alerts), grid)
     confirmed = confirmed_cells([c.dz for c in cumulative], levels)
     return Analysis(cumulative, incremental, stack, tracks, zones, confirmed, len(found) - len(zones))
 
@@ -139,6 +142,7 @@ def with_ground(
     living, bridged = _living(analysis.tracks), _bridged(parameters, grid)
     shared = shared_errors(living, analysis.stack, bridged)
     zones = joined_zones(analysis.zones, ground, layout, grid, analysis.stack, shared, alerts)
+    zones = with_bodies(judged_zones(zones, analysis.stack.days, analysis.cumulative, grid.cell, alerts), grid)
     return replace(analysis, zones=zones)
 
 

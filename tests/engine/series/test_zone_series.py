@@ -79,12 +79,3 @@ def test_holes_and_small_gaps_of_the_footprint_are_filled():
     given, track = stack()
     kept = np.setdiff1d(track.footprint, track.footprint[[40, 41, 66]])
     assert np.array_equal(np.sort(series(given, replace(track, footprint=kept)).cells), track.footprint)
-
-
-def test_alert_comes_from_what_is_sure():
-    given, track = stack(rate=-0.006)
-    found = series(given, track)
-    assert found.alert.level == 3
-    assert found.alert_reason.startswith("rate 6.")
-    unsure = replace(given, shared=[0.0, *[0.3] * 3])
-    assert series(unsure, track).alert.level == 0
