@@ -218,12 +218,12 @@ def alert_of(evidence: Evidence, table: tuple[AlertLevel, ...]) -> tuple[AlertLe
 def _reached(evidence: Evidence, row: AlertLevel) -> str:
     """By which test a zone reaches a level; empty where it does not."""
     beyond, volume = row.normal_quantile, evidence.volume_m3
-    chance = f"{row.chance_percent:g}"
+    chance = f"{row.chance_percent:g} %"
     least = volume - beyond * evidence.volume_err
     if row.single_volume_m3 is not None and volume and least >= row.single_volume_m3:
         return (
             f"volume {volume:.1f} m³ since the survey before, beyond {row.single_volume_m3:g} "
-            f"with an error chance of {chance} %"
+            f"with an error chance of {chance}"
         )
     comparisons = (row.epochs_confirmed, row.rate_mm_day, row.tangent_angle_deg, row.failure_within_days)
     if all(limit is None for limit in comparisons) or evidence.epochs_confirmed < (row.epochs_confirmed or 1):
@@ -231,22 +231,22 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
     reason = ""
     rate, angle, left = evidence.rate_mm_day, evidence.tangent_angle_deg, evidence.failure_in_days
     faster = evidence.steady_chance <= row.chance_percent / 100.0
-    steady = f"{100 * evidence.steady_chance:.2g}"
+    steady = f"{100 * evidence.steady_chance:.2g} %"
     if row.failure_within_days is not None and left is not None and faster and left[1] <= row.failure_within_days:
         reason = (
             f"failure {left[0]:.0f} to {left[1]:.0f} days after the survey, within {row.failure_within_days:g}; "
-            f"a steady motion looks so with a chance of {steady} %"
+            f"a steady motion looks so with a chance of {steady}"
         )
     elif row.tangent_angle_deg is not None and angle is not None and faster and angle >= row.tangent_angle_deg:
         reason = (
             f"tangent angle {angle:.0f} degrees, at least {row.tangent_angle_deg:g}; "
-            f"a steady motion looks so with a chance of {steady} %"
+            f"a steady motion looks so with a chance of {steady}"
         )
     elif row.rate_mm_day is not None and rate is not None and rate - beyond * evidence.rate_err >= row.rate_mm_day:
-        reason = f"rate {rate:.2f} mm/day, beyond {row.rate_mm_day:g} with an error chance of {chance} %"
+        reason = f"rate {rate:.2f} mm/day, beyond {row.rate_mm_day:g} with an error chance of {chance}"
     elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond and not evidence.at_rest:
         reason = (
             f"confirmed by {evidence.epochs_confirmed} comparisons, at least {row.epochs_confirmed}, "
-            f"with an error chance of {chance} %"
+            f"with an error chance of {chance}"
         )
     return f"along the surface: {reason}" if reason and evidence.along_surface else reason
