@@ -42,7 +42,8 @@ check: lint  ## lint and the fast tests, without QGIS
 fuzz: setup  ## Damaged files of every kind through the commands, for 20 minutes (FUZZ="--minutes 5 --seed 2")
 	$(ONE_THREAD) OMP_NUM_THREADS=1 nice -n 10 $(PYTHON) -m slopewatch.tests.fuzz --minutes 20 $(FUZZ)
 
-kills: setup  ## Commands killed at random moments, full disks, removed folders, two runs at once
+kills: setup  ## Commands killed at every rename and at random moments, full disks, removed folders, two runs at once
+	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) scripts/kills_at_renames.py
 	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) scripts/kills.py $(KILLS)
 
 lint: setup  ## ruff, mypy and the layers of the packages

@@ -15,10 +15,12 @@ from typing import Any, TypeVar
 
 import click
 
-from ..engine.core import cancellation
+from ..engine.core import cancellation, temporary_folders
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
 from ..engine.core.messages import shown
+from ..engine.core.part_folders import settle_around
 from ..engine.core.run_result import RunResult
+from ..engine.core.temporary_folders import VARIABLE
 from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
 from ..interface.settings_file import read_settings
 from ..workflows.conclusions import conclusion
@@ -156,6 +158,13 @@ _RUNNING = (
     _running("--language", **LANGUAGE),
     _running("--debug", is_flag=True, help="Show the traceback of an internal failure."),
     _running("--pdal", type=PATH, default=None, metavar="FILE", help="The pdal program, if not the one that is found."),
+    _running(
+        "--temporary-folder",
+        type=PATH,
+        default=None,
+        metavar="DIR",
+        help=f"Folder for temporary files.  [default: the folder in {VARIABLE}, else the system's]",
+    ),
     _running("--watch-parent", is_flag=True, help="Stop when standard input closes."),
     _running(
         "--progress",
@@ -177,6 +186,7 @@ def _with_settings(
     """The options and the profile of a run: those given, else those of the file, else the profile's values."""
     if path is None:
         return values, profile or "default"
+    settle_around(path)
     read = read_settings(path, groups)
     chosen = profile or read.profile or "default"
     given = {name: value for name, value in values.items() if value is not None}
@@ -197,12 +207,15 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
         @functools.wraps(function)
         def run(*, progress: str, watch_parent: bool, pdal: Path | None, debug: bool, **arguments: Any) -> None:
             values = {name: arguments.pop(name) for name in names}
+            temporary: Path | None = arguments.pop("temporary_folder")
             profile, settings = arguments.pop("profile", None), arguments.pop("settings", None)
             report = reporter(progress)
             cancellation.install(report.cancelled, watch_parent=watch_parent)
             say_of_formats(report)
 
             def work() -> RunResult:
+                if temporary is not None:
+                    temporary_folders.choose(temporary)
                 used, chosen = _with_settings(settings, groups, values, profile, report)
                 return function(Session(report, pdal, chosen, used), **arguments)
 

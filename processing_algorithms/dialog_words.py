@@ -14,7 +14,10 @@ from ..plugin.bridge.words import tr
 from .declare import Groups, specifications
 
 # Options of every command that no dialog has.
-_ELSEWHERE = {"pdal": "“PDAL program” under Settings > Options > SlopeWatch"}
+_ELSEWHERE = {
+    "pdal": "“PDAL program” under Settings > Options > SlopeWatch",
+    "temporary-folder": "environment variable SLOPEWATCH_TMP",
+}
 # Options whose parameter has another name, in all dialogs that have it; a dialog may add its own (OPTION_NAMES).
 _OTHER_NAMES = {"output-dir": "OUTPUT_FOLDER", "epoch-from": "REFERENCE_DATE", "epoch-to": "CLOUD_DATE"}
 # Words are of Latin letters alone: in a Chinese sentence a name has no blank before it.

@@ -150,11 +150,12 @@ def screening_rows(results: Path, maps: Maps) -> list[Row]:
 
 
 def run_rows(survey: Path, results: Path) -> list[Row]:
-    """Vegetation cover, cells measured in both epochs, time."""
+    """What read the clouds, vegetation cover, cells measured in both epochs, time."""
     record = json.loads((results / "run.json").read_text(encoding="utf-8"))
     truth = json.loads((survey / "truth.json").read_text(encoding="utf-8"))
-    metrics = record["metrics"]
+    metrics, pdal = record["metrics"], record["pdal"]
     return [
+        ("clouds read and clipped by", "", pdal.get("instead") or f"PDAL {pdal['version']}"),
         (
             "vegetation cover",
             f"{100 * truth['vegetation_cover_of_slope']:.1f} %",

@@ -41,10 +41,8 @@ LATER = ("run.json", "report.html", "log.csv", "report.md")
 Faults = list[str]
 
 
-def commands(folder: Path) -> dict[str, list[str]]:
-    """Each command on small sound clouds, without its output folder."""
-    from slopewatch.simulation.hazard_scenes.scenes import scene
-    from slopewatch.simulation.hazard_scenes.write import write_scene
+def surveys(folder: Path) -> list[Path]:
+    """Three small sound clouds of one slope, which sinks."""
     from slopewatch.tests.builders import epoch_pairs
 
     clouds = []
@@ -52,7 +50,15 @@ def commands(folder: Path) -> dict[str, list[str]]:
         xyz = epoch_pairs.slope(n, 6000)
         xyz[xyz[:, 0] < epoch_pairs.X + 3, 2] -= sunk
         clouds.append(epoch_pairs.write(folder / f"{2023 + n}-05-01.laz", xyz))
-    epochs = [f"--epoch={path.stem}={path}" for path in clouds]
+    return clouds
+
+
+def commands(folder: Path) -> dict[str, list[str]]:
+    """Each command on small sound clouds, without its output folder."""
+    from slopewatch.simulation.hazard_scenes.scenes import scene
+    from slopewatch.simulation.hazard_scenes.write import write_scene
+
+    epochs = [f"--epoch={path.stem}={path}" for path in surveys(folder)]
     scenes = [folder / f"scene {seed}.laz" for seed in (1, 2, 3)]
     for seed, path in enumerate(scenes, 1):
         write_scene(path, scene(seed, "published", area=200.0, density=20.0))

@@ -10,10 +10,15 @@ for part in pdal engine qgis profile; do
     # shellcheck disable=SC1090
     . "$here/setup/$part.sh"
 done
-(($#)) || set -- pdal engine qgis profile
+named=again
+(($#)) || {
+    named=''
+    set -- pdal engine qgis profile
+}
 for step in "$@"; do
     case $step in
-        pdal | engine | qgis | profile) "setup_$step" ;;
+        pdal) setup_pdal $named ;;
+        engine | qgis | profile) "setup_$step" ;;
         torch) setup_torch again ;;
         install | uninstall) "${step}_plugin" ;;
         *) die "there is no step named $step" ;;

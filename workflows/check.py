@@ -20,7 +20,6 @@ LIBRARIES = (
     *("rich", "safetensors", "scipy", "shapely", "threadpoolctl"),
 )
 OPTIONAL = {
-    "CSF": "not there; the ground needs PDAL 2.3 or newer",
     "numba": "not there; the same is computed, slower",
 }
 """Libraries without a build for every system and Python, and what that means."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
+from ..engine.core import cancellation
 from ..engine.core.errors import InputError
 from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
@@ -71,9 +71,10 @@ def export_step(
         handover = HandOver(held, parameters, read_field_mapping(fields).flat, chosen, progress)
     with (
         run.writing(folder, record_name=names[-1]) as stage,
-        tempfile.TemporaryDirectory(dir=stage.folder) as temporary,
+        cancellation.temporary(stage.folder / "packed") as packed,
     ):
-        place = Path(temporary) if zipped else stage.folder
+        packed.mkdir()
+        place = packed if zipped else stage.folder
         with run.step("write", 0.1, 0.95, "writing"):
             files = handover.write(place)
         with run.step("package", 0.95, 1.0, "packing"):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..engine.core.errors import InputError
+from ..engine.core.part_folders import settle_around
 from ..interface.parameters import PROFILES, OutputParameters, ParameterError, ParameterSet, command_sets
 from ..interface.settings_file import GivenSettings, read_settings
 
@@ -51,6 +52,7 @@ class Values:
 
 
 def _settings(path: Path, sets: command_sets.Sets) -> GivenSettings:
+    settle_around(path)
     try:
         return read_settings(path, sets)
     except ParameterError as wrong:

@@ -166,7 +166,7 @@ def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
     """The lines of an earlier plan in plan (k, 2), in the order in which they are flown.
 
     Raises:
-        InputError: no plan, or in another reference system.
+        InputError: no plan, in another reference system, or with a line that leaves the terrain's extent.
     """
     frame = read_layer(path, "lines")
     if "line" not in frame.columns or not has_shapes(frame):
@@ -177,7 +177,16 @@ def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
             "terrain in that of the plan."
         )
     ordered = frame.sort_values("line")
-    return [shapely.get_coordinates(geometry)[:, :2] for geometry in ordered.geometry]
+    tracks = [shapely.get_coordinates(geometry)[:, :2] for geometry in ordered.geometry]
+    grid = terrain.grid
+    west, north = grid.west, grid.north
+    extent = shapely.box(west, north - grid.rows * grid.cell, west + grid.columns * grid.cell, north)
+    if not all(shapely.intersects_xy(extent, track).all() for track in tracks):
+        raise InputError(
+            f"A line of the plan {shown(path)} leaves the terrain {shown(terrain.path)}; give a terrain that reaches "
+            "farther."
+        )
+    return tracks
 
 
 def _scatter(

@@ -64,7 +64,9 @@ def report_step(
     entered = {} if photos is None else {"photos": enter_photos(folder, photos, progress)}
     if profiles is None and not changed:
         progress.update(0.0, "drawing the report")
-        return RunResult({"report": write_report(folder, progress)}, entered, tuple(progress.warnings))
+        with staged_outputs(folder, last=REPORT) as stage:
+            write_report(folder, progress, stage.path(REPORT))
+        return RunResult({"report": folder / REPORT}, entered, tuple(progress.warnings))
     written = [folder / name for name in (REPORT, PDF, *PROFILE_OUTPUTS, "run.json")]
     refuse_inputs_as_outputs(written, [profiles] if profiles else [])
     with staged_outputs(folder) as stage:

@@ -15,6 +15,7 @@ import pandas as pd
 from ..engine.core.errors import InputError
 from ..engine.core.json_shapes import anything, fields, number, parse_json, rows, table, text
 from ..engine.core.messages import shown as in_message
+from ..engine.core.part_folders import settle
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import staged_outputs
@@ -180,7 +181,10 @@ def _result(folder: Path, row: Mapping[str, Any]) -> SlopeResult:
     days = [{"role": f"epoch {row['last_survey']}"}] * max(1, int(row["surveys"]))
     alone = SlopeResult(str(row["slope"]), folder / "slopes" / "-", {"command": "", "inputs": days}, {})
     report = inside(folder, str(row["report"] or ""))
-    if report is None or not report.is_file():
+    if report is None:
+        return alone
+    settle(report.parent)
+    if not report.is_file():
         return alone
     try:
         record = parse_json((report.parent / "run.json").read_bytes())

@@ -25,6 +25,7 @@ from typing import Any
 
 from ..engine.core.earlier_results import refuse_results
 from ..engine.core.json_values import plain
+from ..engine.core.part_folders import settle, settle_around
 from ..engine.core.progress import Progress
 from ..engine.core.run_record import RunRecord
 from ..engine.core.run_result import RunResult
@@ -64,24 +65,33 @@ class Run:
         progress: Progress | None = None,
         record: RunRecord | None = None,
     ) -> None:
+        self.inputs = tuple(inputs)
+        for _, path in self.inputs:
+            if path is not None:
+                settle_around(path)
         self.progress = progress or Progress()
         self.record = record or RunRecord(command, dict(parameters))
         self.facts = self.record.facts
         if os.environ.get(TASK_VARIABLE):
             self.facts["task"] = os.environ[TASK_VARIABLE]
-        self.inputs = tuple(inputs)
         self.outputs: dict[str, Path] = {}
         self.figures: dict[str, Any] = {}
         self.reviews: EarlierReviews | None = None
         self.related = Related()
-        self._stages: dict[Path, Stage] = {}
+        self._stage: Stage | None = None
         self._refused_again: dict[Path, Callable[[], None]] = {}
         self._record_name = "run.json"
 
     # before anything is written
 
     def refuse_outputs(self, outputs: Iterable[Path], *, also: Iterable[Path] = ()) -> None:
-        """Raise InputError if an output is an input, one of the run's or of ``also``, or two outputs are one file."""
+        """Raise InputError if an output is an input, one of the run's or of ``also``, or two outputs are one file.
+
+        What killed runs left in the outputs' folders is undone first (see ``settle``).
+        """
+        outputs = list(outputs)
+        for folder in {output.absolute().parent for output in outputs}:
+            settle(folder)
         refuse_inputs_as_outputs(outputs, [*(path for _, path in self.inputs if path is not None), *also])
 
     def refuse_folder(self, folder: Path, names: Sequence[str], *, overwrite: bool, also: Iterable[Path] = ()) -> None:
@@ -163,24 +173,22 @@ class Run:
             InputError: a folder cannot be made or written.
         """
         self._record_name = record_name
-        with contextlib.ExitStack() as stack:
-            # left last, so filled last
-            for place in (folder, *others):
-                if place.resolve() not in self._stages:
-                    self._stages[place.resolve()] = stack.enter_context(staged_outputs(place, last=record_name))
+        with staged_outputs(folder, *others, last=record_name) as self._stage:
+            for place in {folder.resolve(), *(other.resolve() for other in others)}:
                 # another run may have ended there since that was looked at
-                self._refused_again.get(place.resolve(), _nothing)()
+                self._refused_again.get(place, _nothing)()
             yield self.stage
             self._write_record(report)
 
     @property
     def stage(self) -> Stage:
         """The outputs of the folder that gets the record."""
-        return next(iter(self._stages.values()))
+        assert self._stage is not None
+        return self._stage
 
     def stage_in(self, folder: Path) -> Stage:
         """The outputs of one of the folders that ``writing`` was given."""
-        return self._stages[folder.resolve()]
+        return self.stage.beside(folder)
 
     @property
     def record_path(self) -> Path:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..engine.core.errors import InputError
+from ..engine.core.part_folders import settle
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, FineTuneParameters, InputParameters, given
@@ -126,6 +127,7 @@ def trained_method(parameters: FineTuneParameters) -> str:
     if parameters.start in SHIPPED_OR_NONE:
         return DEFAULT if wanted == AUTO else wanted
     path = Path(parameters.start)
+    settle(path.parent)
     if path.suffix != ".safetensors" or not path.with_suffix(".json").is_file():
         return POINTS_METHOD if wanted == AUTO else wanted  # reading it says what is wrong
     kind = kind_of(path)

@@ -15,26 +15,26 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from .errors import Cancelled
 
 _lock = threading.RLock()
 _children: set[subprocess.Popen[bytes]] = set()
-_temporaries: list[tuple[Path, bool]] = []
+_temporaries: list[tuple[Path, bool, Sequence[str]]] = []
 _cancelled = threading.Event()
 _wakeup: tuple[socket.socket, socket.socket] | None = None
 _CLEANING_S = 0.5  # seconds that what is half-written is removed again and again
 
 
 @contextlib.contextmanager
-def temporary(path: Path, *, only_empty: bool = False) -> Iterator[Path]:
+def temporary(path: Path, *, only_empty: bool = False, unless: Sequence[str] = ()) -> Iterator[Path]:
     """``path`` (a file or folder) is removed when the block is left, and when the command is cancelled.
 
-    With ``only_empty`` a folder stays if something is in it.
+    With ``only_empty`` a folder stays if something is in it; else if it holds one of the files ``unless``.
     """
-    entry = (path, only_empty)
+    entry = (path, only_empty, unless)
     with _lock:
         _temporaries.append(entry)
     try:
@@ -99,9 +99,9 @@ def abort(on_cancel: Callable[[], None]) -> None:
         # Other threads may still be creating files in a folder while it is removed, or be removing it themselves.
         until = time.monotonic() + _CLEANING_S
         while True:
-            for path, only_empty in reversed(paths):
-                _remove(path, only_empty)
-            if time.monotonic() > until or not any(os.path.lexists(path) for path, _ in paths):
+            for entry in reversed(paths):
+                _remove(*entry)
+            if time.monotonic() > until or not any(os.path.lexists(path) for path, *_ in paths):
                 break
             time.sleep(0.01)
         with contextlib.suppress(Exception):
@@ -117,11 +117,11 @@ def _end(child: subprocess.Popen[bytes]) -> None:
             child.kill()
 
 
-def _remove(path: Path, only_empty: bool) -> None:
+def _remove(path: Path, only_empty: bool, unless: Sequence[str]) -> None:
     with contextlib.suppress(OSError):
         if path.is_symlink() or not path.is_dir():
             path.unlink(missing_ok=True)
         elif only_empty:
             path.rmdir()
-        else:
+        elif not any((path / name).exists() for name in unless):
             shutil.rmtree(path, ignore_errors=True)

@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +15,7 @@ from pathlib import Path
 
 from .cancellation import _cancelled, _children, _end, _lock
 from .errors import Cancelled, EngineError
+from .temporary_folders import unnamed_file
 
 _LAUNCHER = Path(__file__).with_name("child_launcher.py")
 
@@ -52,14 +52,13 @@ def run_child(
     Raises:
         Cancelled: the command is being cancelled.
         EngineError: the program cannot be started.
+        InputError: the temporary folder is full.
     """
     started = time.monotonic()
 
     command = _launched([os.fspath(argument) for argument in arguments], memory_limit, environment)
-    with tempfile.TemporaryFile() as given, _lock:
-        # a file: what communicate() has not written to a pipe when its time is up, it never writes
-        given.write(stdin)
-        given.seek(0)
+    # a file: what communicate() has not written to a pipe when its time is up, it never writes
+    with unnamed_file(stdin) if stdin else open(os.devnull, "rb") as given, _lock:
         if _cancelled.is_set():
             raise Cancelled("cancelled")
         try:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from . import cancellation
+from .temporary_folders import temporary_folder
 
 
 def misread(path: Path) -> bool:
@@ -23,11 +22,11 @@ def readable(path: Path) -> Iterator[Path]:
     if not misread(path):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="slopewatch-link-") as folder, cancellation.temporary(Path(folder)):
+    with temporary_folder("link") as folder:
         for sibling in path.parent.iterdir():
             if sibling.stem == path.stem:
-                Path(folder, f"file{sibling.suffix}").symlink_to(sibling)
-        yield Path(folder, f"file{path.suffix}")
+                (folder / f"file{sibling.suffix}").symlink_to(sibling)
+        yield folder / f"file{path.suffix}"
 
 
 @contextlib.contextmanager
@@ -37,7 +36,7 @@ def writable(path: Path) -> Iterator[Path]:
     if not misread(path):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="slopewatch-link-") as folder, cancellation.temporary(Path(folder)):
-        link = Path(folder, "folder")
+    with temporary_folder("link") as folder:
+        link = folder / "folder"
         link.symlink_to(path.parent, target_is_directory=True)
         yield link / path.name

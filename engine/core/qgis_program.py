@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 from . import child_process
 from .errors import EngineError, InputError
 from .messages import one_line
+from .temporary_folders import temporary_folder
 
 VARIABLE = "SLOPEWATCH_QGIS"
 """The folder that QGIS is installed in, or its qgis_process."""
@@ -25,6 +25,8 @@ _PACKAGE_NAME = "slopewatch"
 _PACKAGE = Path(__file__).resolve().parents[2]
 _FROM_QGIS = ("PYTHONHOME", "PYTHONPATH", "PYTHONEXECUTABLE", "VIRTUAL_ENV", "GDAL_DATA", "PROJ_LIB", "PROJ_DATA")
 """Of the engine's environment, whose libraries are others."""
+_PROFILE_BYTES = 5_000_000
+_TEMPORARY = ("TMPDIR", "TEMP", "TMP")
 
 
 def find_qgis_process(environ: Mapping[str, str] = os.environ) -> Path:
@@ -65,8 +67,8 @@ def run_algorithm(
         InputError: the algorithm refuses what was given, with its own sentence.
         EngineError: QGIS does not start, or fails otherwise.
     """
-    with tempfile.TemporaryDirectory(prefix="slopewatch-qgis-") as folder:
-        variables = _environment(Path(folder), program, environ)
+    with temporary_folder("qgis", needed_bytes=_PROFILE_BYTES) as folder:
+        variables = _environment(folder, program, environ)
         given = [f"--{name}={value}" for name, value in parameters.items()]
         enabled = child_process.run_child([program, "plugins", "enable", _PACKAGE_NAME], environment=variables)
         if enabled.returncode:
@@ -97,6 +99,7 @@ def _environment(folder: Path, program: Path, environ: Mapping[str, str]) -> dic
         kept["PATH"] = os.pathsep.join([str(program.parent), "/usr/bin", "/bin", kept.get("PATH", "")])
         kept.setdefault("QT_QPA_PLATFORM", "offscreen")
         kept.setdefault("XDG_RUNTIME_DIR", str(folder))
+    kept |= dict.fromkeys(_TEMPORARY, str(folder))
     return kept | {"QGIS_PLUGINPATH": str(plugins), "QGIS_CUSTOM_CONFIG_PATH": str(folder / "profile")}
 
 

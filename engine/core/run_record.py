@@ -33,7 +33,7 @@ _LIBRARIES = (
     "pyogrio",
     "laspy",
     "lazrs",
-    "cloth-simulation-filter",
+    "numba",
     "matplotlib",
 )
 

@@ -12,10 +12,9 @@ from pathlib import Path
 
 from . import cancellation
 from .errors import Cancelled, EngineError, InputError
-from .part_folders import OWNER, part_folder
+from .journal import Journal, sync
+from .part_folders import HOLDING, OWNER, part_folder
 
-_SIDECARS = ("-wal", "-shm", "-journal")
-"""Of a GeoPackage that a program has open: they belong to the file that is replaced, and would damage the new one."""
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _MIN_FREE_BYTES = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
 
@@ -50,16 +49,24 @@ def atomic_output(path: Path, check: Callable[[Path], None] | None = None) -> It
             raise EngineError(f"{path.name} was not written")
         if check is not None:
             check(partial)
-        _rename(partial, path, path)
+        sync([partial])
+        try:
+            os.replace(partial, path)
+        except OSError as error:
+            raise InputError(
+                f"{path} cannot be replaced ({error.strerror}); close the program that has it open."
+            ) from error
+        sync([path.parent])
 
 
 class Stage:
-    """The outputs of one run, gathered in a hidden folder until all of them are sound."""
+    """The outputs of one run for one folder, gathered in a hidden folder until all of them are sound."""
 
     def __init__(self, directory: Path, folder: Path) -> None:
         self.directory = directory
         self.folder = folder
         self.discarded: list[str] = []
+        self.others: dict[Path, Stage] = {}
 
     def path(self, name: str) -> Path:
         """Where to write the output ``name`` (it may have a subfolder) for now."""
@@ -75,89 +82,72 @@ class Stage:
         """Have the output ``name`` of an earlier run removed once this one has ended well."""
         self.discarded.append(name)
 
+    def beside(self, folder: Path) -> Stage:
+        """The outputs for one of the folders that ``staged_outputs`` was given."""
+        return self.others.get(folder.resolve(), self)
+
+    def files(self, last: str) -> list[Path]:
+        """What was written, ``last`` after all others."""
+        found = (path for path in self.folder.rglob("*") if path.is_file() and path.name != OWNER)
+        return sorted(found, key=lambda path: (path.name == last, path))
+
 
 @contextlib.contextmanager
-def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage]:
+def staged_outputs(directory: Path, *others: Path, last: str = "run.json") -> Iterator[Stage]:
     """Collect outputs for ``directory`` and move them there when the block ends well, ``last`` after all others.
 
-    A folder that this made is removed again when the block fails.
+    Outputs for ``others``, more folders, are moved with them: all or none (see ``journal``). A folder that this made is
+    removed again when the block fails.
 
     Raises:
-        InputError: the folder cannot be made or written, or another run is at work that will write ``last`` there.
+        InputError: a folder cannot be made or written, or another run is at work that will write ``last`` there.
     """
-    directory = Path(directory).absolute()
-    made = [p for p in (directory, *directory.parents) if not p.exists()]
     with contextlib.ExitStack() as stack:
-        # Made and known to be temporary at once: cancelling in between would leave them.
-        with cancellation.uninterrupted():
-            try:
-                directory.mkdir(parents=True, exist_ok=True)
-                folder = stack.enter_context(part_folder(directory, last))
-            except OSError as error:
-                raise InputError(
-                    f"The output folder {directory} cannot be written ({error.strerror}); choose another one."
-                ) from error
-            for path in reversed(made):
-                stack.enter_context(cancellation.temporary(path, only_empty=True))
-            stack.enter_context(cancellation.temporary(folder))
+        stage = _staged(Path(directory).absolute(), last, stack)
+        for other in others:
+            if other.resolve() not in (directory.resolve(), *stage.others):
+                stage.others[other.resolve()] = _staged(Path(other).absolute(), last, stack)
         try:
-            stage = Stage(directory, folder)
             yield stage
-            _move_all(folder, directory, last, stage.discarded)
+            _move_all(stage, last)
         except (InputError, Cancelled):
             raise
         except Exception as error:
-            _blame_full_disk(directory, error)
+            _blame_full_disk(stage.directory, error)
             raise
 
 
-def _move_all(folder: Path, directory: Path, last: str, discarded: Iterable[str] = ()) -> None:
-    """Move all files of ``folder`` to ``directory``; if one cannot be moved, what was there before stays.
-
-    Args:
-        discarded: names of files in ``directory`` that are to go.
-    """
-    files = sorted((p for p in folder.rglob("*") if p.is_file() and p.name != OWNER), key=lambda p: (p.name == last, p))
-    targets = [directory / path.relative_to(folder) for path in files]
-    for target in targets:
-        if target.is_dir():
-            raise InputError(f"The output {target} is a folder; remove it or choose another output.")
-    old = folder / ".replaced"
-    old.mkdir()
-    replaced: list[tuple[Path, Path]] = []
-    moved: list[Path] = []
-
-    def set_aside(target: Path) -> None:
-        for place in (target, *(target.with_name(target.name + ending) for ending in _SIDECARS)):
-            if place.is_symlink() or place.exists():
-                kept = old / str(len(replaced))
-                _rename(place, kept, place)
-                replaced.append((kept, place))
-
+def _staged(directory: Path, last: str, stack: contextlib.ExitStack) -> Stage:
+    made = [p for p in (directory, *directory.parents) if not p.exists()]
+    # Made and known to be temporary at once: cancelling in between would leave them.
     with cancellation.uninterrupted():
         try:
-            for name in discarded:
-                set_aside(directory / name)
-            for path, target in zip(files, targets, strict=True):
-                _make_folder(target.parent)
-                set_aside(target)
-                _rename(path, target, target)
-                moved.append(target)
-        except BaseException:
-            for target in moved:
-                target.unlink(missing_ok=True)
-            for kept, target in replaced:
-                os.replace(kept, target)
-            raise
+            directory.mkdir(parents=True, exist_ok=True)
+            folder = stack.enter_context(part_folder(directory, last))
+        except OSError as error:
+            raise InputError(
+                f"The output folder {directory} cannot be written ({error.strerror}); choose another one."
+            ) from error
+        for path in reversed(made):
+            stack.enter_context(cancellation.temporary(path, only_empty=True))
+        stack.enter_context(cancellation.temporary(folder, unless=HOLDING))
+    return Stage(directory, folder)
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"The output folder {folder} cannot be made ({error.strerror}); choose another output."
-        ) from error
+def _move_all(stage: Stage, last: str) -> None:
+    """Move all files to their folders; if one cannot be moved, what was there before stays."""
+    journal = Journal(stage.folder, [other.folder for other in stage.others.values()])
+    for place in (*stage.others.values(), stage):  # the folder of the record is the last one
+        for name in place.discarded:
+            journal.add(place.folder, place.directory / name, None)
+        for path in place.files(last):
+            target = place.directory / path.relative_to(place.folder)
+            if target.is_dir():
+                raise InputError(f"The output {target} is a folder; remove it or choose another output.")
+            journal.add(place.folder, target, path)
+    journal.sync_new()
+    with cancellation.uninterrupted():
+        journal.carry_out()
 
 
 def _blame_full_disk(directory: Path, error: Exception) -> None:
@@ -205,13 +195,3 @@ def refuse_unwritable(path: Path) -> None:
             pass
     except OSError as error:
         raise InputError(f"The folder {parent} cannot be written ({error.strerror}); choose another one.") from error
-
-
-def _rename(source: Path, target: Path, named: Path) -> None:
-    """``named`` is the output that a message names."""
-    try:
-        os.replace(source, target)
-    except OSError as error:
-        raise InputError(
-            f"{named} cannot be replaced ({error.strerror}); close the program that has it open."
-        ) from error

@@ -1,30 +1,25 @@
-"""Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501) by its authors' library, in a child process."""
+"""Ground by the Cloth Simulation Filter, within limits on the cloth's size."""
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import sys
-import tempfile
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...interface.parameters import GroundParameters
-from ..core import cancellation, child_process
-from ..core.errors import EngineError, InputError
+from ..core.errors import InputError
 from ..geometry.columns import greatest, least, spans
+from .cloth_simulation import near_cloth
+
+METHOD = "CSF"
 
 MAX_CLOTH_PARTICLES = 16_000_000
-"""Particles: more would take over 8 GB."""
+"""Particles: the search for hanging ones takes 60 bytes for each."""
 MAX_SEARCH_STEPS, MAX_BARE_PARTICLES = 1e8, 500
-"""Steps of the library's search along rows, and particles in bare rows and columns: more take over ten seconds."""
+"""Steps of the search along rows, and particles in bare rows and columns: more take over ten seconds."""
 _MAX_DISTANCE_CELLS = 3.0
-_WORKER = Path(__file__).with_name("cloth_worker.py")
-_BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000_000
 
 
 def cloth_ground(
@@ -44,58 +39,30 @@ def cloth_ground(
             the whole cloud's cloth.
 
     Returns:
-        (n,) bool. The same points give the same answer: the library runs on one thread.
+        (n,) bool. The same points give the same answer.
 
     Raises:
-        InputError: a cloth too large, coordinates that are not finite, or the library is not there.
-        EngineError: the library failed.
-        Cancelled: the command is being cancelled.
+        InputError: a cloth too large, or coordinates that are not finite.
     """
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
     low = least(xyz)
-    # a coordinate that is not a number crashes the library
     if not np.isfinite(low).all() or not np.isfinite(greatest(xyz)).all():
         raise InputError("The cloud has coordinates that are not finite numbers; remove them before the ground filter.")
-    particles = refuse_large_cloth(xyz, parameters.cloth_resolution)
-    with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, cancellation.temporary(Path(name)) as folder:
-        # small coordinates keep the cloth's digits
-        points = xyz - low
-        added = [filling(points, parameters.cloth_resolution)]
-        if origin is not None:
-            added.append(_anchor(points, (origin - low[:2]) / parameters.cloth_resolution, parameters.cloth_resolution))
-        np.save(folder / "points.npy", np.vstack([points, *added]))
-        options = {
-            "slope_smoothing": parameters.slope_smoothing,
-            "cloth_resolution": parameters.cloth_resolution,
-            "rigidness": parameters.rigidness,
-            "time_step": parameters.time_step,
-            "iterations": parameters.iterations,
-            "threshold": parameters.class_threshold if threshold is None else threshold,
-        }
-        (folder / "parameters.json").write_text(json.dumps(options), encoding="utf-8")
-        result = child_process.run_child(
-            [sys.executable, _WORKER, folder],
-            memory_limit=_BYTES_FOR_ITSELF + _BYTES_PER_PARTICLE * particles + _BYTES_PER_POINT * len(xyz),
-            # one thread: several give another cloth, and so other ground, from run to run
-            environment={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            directory=folder,
-        )
-        if b"No module named 'CSF'" in result.stderr:
-            raise InputError(
-                "The cloth filter (cloth-simulation-filter) is not there, as it has no build for this Python; install "
-                "PDAL 2.3 or newer, or set the engine up again from Python 3.10 to 3.12."
-            )
-        if result.returncode:
-            reason = result.stderr.decode(errors="replace").strip().splitlines()[-1:]
-            raise EngineError(
-                f"the cloth simulation failed (exit code {result.returncode}{', ' if reason else ''}{''.join(reason)})"
-            )
-        return np.asarray(np.load(folder / "ground.npy")[: len(xyz)], dtype=np.bool_)
+    refuse_large_cloth(xyz, parameters.cloth_resolution)
+    # small coordinates keep the cloth's digits
+    points = xyz - low
+    added = [filling(points, parameters.cloth_resolution)]
+    if origin is not None:
+        added.append(_anchor(points, (origin - low[:2]) / parameters.cloth_resolution, parameters.cloth_resolution))
+    near = near_cloth(
+        np.vstack([points, *added]), parameters, parameters.class_threshold if threshold is None else threshold
+    )
+    return near[: len(xyz)]
 
 
 def _anchor(points: NDArray[np.float64], steps: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
-    """(1, 3) a point at the corner of points (n, 3), from where the library counts particles, as high as the nearest.
+    """(1, 3) a point at the corner of points (n, 3), from where the particles are counted, as high as the nearest.
 
     Args:
         steps: (2,) where the whole cloud's particles begin, in particles from the points' lowest.
@@ -125,7 +92,7 @@ def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
 def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
     """Points (m, 3) to add where much of the cloth has no point near it, as between two regions or next to a stray.
 
-    For a particle without points the library walks along its row and column to the next one, and searches in all
+    For a particle without points the simulation walks along its row and column to the next one, and searches in all
     directions where both are empty, which takes hours on such a cloth. Particles far from any point get one, as low as
     the lowest at the nearest particle that has some. Empty for an ordinary cloud.
     """

@@ -1,8 +1,8 @@
 """Ground extraction: clip, denoise, lay the slope flat, cloth simulation, refine.
 
 PDAL reads, converts and crops into an uncompressed file, from which all outputs are written in one pass at the end.
-From PDAL 2.3 on its filters.csf lays the cloth; below, the CSF authors' library does (see cloth.py). Everything else is
-the same code for both, so both give the same ground.
+From PDAL 2.3 on its filters.csf lays the cloth; below, our own simulation does (see cloth_simulation.py).
+Everything else is the same code for both, so both give the same ground.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from ..pointcloud.returns import Returns
 from ..pointcloud.writing import Copy, copies
 from ..vector.area import read_roi, refuse_outside
 from . import pdal_pipelines
-from .cloth import cloth_ground, filling, refuse_large_cloth
+from .cloth import METHOD, cloth_ground, filling, refuse_large_cloth
 from .cover import GroundCover, cover_facts, cover_warnings
 from .doubts import Found, ground_doubts
 from .filtering import Filtered, cloth_threshold, dominant_plane, refined, require_points, vertical
@@ -78,7 +78,7 @@ def extract_ground(
 
     Raises:
         InputError: the cloud, region or a parameter cannot be used; no ground, or too little to be true.
-        EngineError: PDAL or the CSF library failed.
+        EngineError: PDAL failed.
         Cancelled: the command is being cancelled.
     """
     parameters, progress = parameters or GroundParameters(), progress or Progress()
@@ -236,7 +236,8 @@ class _Extraction:
         if large:
             refuse_too_dense(self.cloud, raw.places, raw.counts, self.parameters)
             refuse_full_disk(header, raw.points, self.output.absolute().parent)
-        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS, large, near)
+        odd = raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS
+        return Source(header, frame, region, raw.area, odd, raw.has_class_12, large, near)
 
     def _clip(self, source: Source, plain: Path) -> int:
         """Write the points within the region to ``plain``; how many there are.
@@ -250,7 +251,7 @@ class _Extraction:
         self._keep("clip", kept)
         with cancellation.temporary(self._file("near.las")) as near:
             header = read_near(source, near)
-            if not self.pdal.is_there:
+            if not self.pdal.is_there or (source.has_class_12 and self.pdal.drops_class_12):
                 return clip(header, source.frame, area, plain)
             self._run(pdal_pipelines.clip_pipeline(header.path, plain, header, source.frame, area), source.header.count)
         try:
@@ -301,7 +302,7 @@ class _Extraction:
             return near, f"PDAL {self.pdal.version} filters.csf"
         near = np.zeros(len(taken), dtype=bool)
         near[taken] = cloth_ground(aligned[taken], parameters, threshold=cloth_threshold(parameters))
-        return near, "cloth-simulation-filter"
+        return near, METHOD
 
     def _cloth_by_pdal(self, plain: Path, survey: Clipped) -> Bool:
         """(n,) points near the cloth; the pipeline is kept as one that reads ``clipped``."""

@@ -53,7 +53,7 @@ def ground_mask(xyz: Float, parameters: GroundParameters | None = None, last: Bo
 
 
 def known_ground(xyz: Float, parameters: GroundParameters | None = None, last: Bool | None = None) -> KnownGround:
-    """Ground among points (n, 3) in metres and the plants over it, by the CSF authors' library.
+    """Ground among points (n, 3) in metres and the plants over it by our own cloth simulation.
 
     Points that are not finite are not ground.
 

@@ -31,13 +31,15 @@ _CROWN_CELL = 0.1
 class FileCoverage:
     """What the points of a file cover: ``area`` (m²) of occupied squares of a metre; west, south, east and north, m.
 
-    ``largest_class`` is that of the points as their bytes are: before LAS 1.4 these hold flags, too. ``places`` (m, 2)
-    and ``counts`` (m,) are squares of a metre with the points that were counted, and these.
+    ``largest_class`` is that of the points as their bytes are: before LAS 1.4 these hold flags, too. ``has_class_12``
+    is of formats before 6 only. ``places`` (m, 2) and ``counts`` (m,) are squares of a metre with the points that were
+    counted, and these.
     """
 
     area: float
     bounds: tuple[float, float, float, float]
     largest_class: int
+    has_class_12: bool
     places: Index
     counts: Float
 
@@ -67,7 +69,7 @@ def file_coverage(
     Raises:
         InputError: the points are damaged.
     """
-    covered, largest = np.empty(0, dtype=np.int64), 0
+    covered, largest, has_class_12 = np.empty(0, dtype=np.int64), 0, False
     class_byte = "classification" if header.point_format > 5 else "raw_classification"
     checked = CheckedRecords(header, PLACES | DecompressionSelection.CLASSIFICATION if near is None else None)
     squares = Tally()
@@ -77,6 +79,8 @@ def file_coverage(
         if near is not None:
             near.add(records)
         largest = max(largest, int(records[class_byte].max()))
+        if header.point_format < 6:
+            has_class_12 = has_class_12 or bool((np.asarray(records["classification"]) == 12).any())
         xyz = coordinates(records, header, frame.factors)
         covered = np.union1d(covered, square_metres(xyz))
         if counted is None:
@@ -84,7 +88,8 @@ def file_coverage(
         elif not counted.is_empty:
             squares.add(metre_squares(xyz[shapely.contains_xy(counted, xyz[:, 0], xyz[:, 1])]))
     places = square_places(squares.found()[0])
-    return FileCoverage(float(len(covered)), checked.extent(frame).bounds, largest, places, squares.counts())
+    bounds = checked.extent(frame).bounds
+    return FileCoverage(float(len(covered)), bounds, largest, has_class_12, places, squares.counts())
 
 
 def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: float) -> float:

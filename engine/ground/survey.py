@@ -24,8 +24,9 @@ from ..vector.area import Roi
 class Source:
     """A sound cloud, the ``area`` (m²) that it covers, and whether its classes are more than PDAL compresses.
 
-    ``in_tiles``: its points within the region do not fit into memory in one piece. ``near`` holds those near the region
-    where they were kept as the file was checked.
+    ``has_class_12``: of a point format before 6, whose class 12 newer PDALs take for a flag. ``in_tiles``: its points
+    within the region do not fit into memory in one piece. ``near`` holds those near the region where they were kept as
+    the file was checked.
     """
 
     header: CloudHeader
@@ -33,6 +34,7 @@ class Source:
     region: Roi | None
     area: float
     odd_classes: bool
+    has_class_12: bool
     in_tiles: bool = False
     near: NearArea | None = None
 

@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from ..core.errors import InputError
 from ..core.messages import shown
+from ..core.part_folders import settle
 from ..report.record_shape import inside
 from .held import Held, HeldLayer, check_files, find_record
 
@@ -60,6 +61,8 @@ def _reports(held: Held) -> dict[str, str]:
 def records_of_slopes(held: Held) -> dict[str, Path]:
     """The run record of each slope of a batch that has one, by the slope's name; nothing more is looked at."""
     records = {name: (held.folder / path).parent / "run.json" for name, path in _reports(held).items()}
+    for path in records.values():
+        settle(path.parent)
     return {name: path for name, path in records.items() if path.is_file()}
 
 

@@ -25,6 +25,7 @@ from ..core.errors import InputError
 from ..core.gdal_names import readable
 from ..core.json_shapes import anything, fields, moment, number, parse_json, read_json, rows, table, text
 from ..core.messages import shown
+from ..core.part_folders import settle_around
 from ..grid.geotiff import Raster, read_raster
 from ..report.record_shape import inside
 from ..vector.geopackage import read_layer
@@ -129,6 +130,7 @@ def find_record(run: Path) -> Path:
     Raises:
         InputError: there is none, or more than one.
     """
+    settle_around(run)
     if run.is_file():
         return run
     if not run.is_dir():

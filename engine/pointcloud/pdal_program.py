@@ -14,17 +14,18 @@ import os
 import re
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
-from ..core import cancellation, child_process
+from ..core import child_process
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
+from ..core.temporary_folders import temporary_folder
+from .header import preflight
 from .pdal_places import QGIS_VARIABLE, library_variables, pdal_places
 
 VARIABLE = "SLOPEWATCH_PDAL"
@@ -32,6 +33,8 @@ NONE = "none"
 """The variable's value for doing without PDAL."""
 CSF_SINCE = (2, 3)
 """PDAL 2.2's filters.csf fails on every cloud (https://github.com/PDAL/PDAL/issues/3463)."""
+NO_CLASS_12_SINCE = (2, 4)
+"""From then on points of formats 0 to 5 with class 12 are read as of class 0 with the overlap flag."""
 PRIVATE = Path(__file__).resolve().parents[2] / ".pdal" / "bin" / "pdal"
 _WORKER = Path(__file__).with_name("pdal_worker.py")
 _UNSAFE = re.compile(r"[\[\]*?#\"\\\x00-\x1f\x7f]" if os.name == "posix" else r"[\[\]*?#\"\x00-\x1f\x7f]")
@@ -62,6 +65,11 @@ class Pdal:
         """Whether its filters.csf works."""
         return self.release >= CSF_SINCE
 
+    @property
+    def drops_class_12(self) -> bool:
+        """Whether it takes class 12 of point formats before 6 for a flag."""
+        return self.release >= NO_CLASS_12_SINCE
+
     def _libraries(self) -> dict[str, str]:
         return {} if self.path is None else library_variables(sys.platform, self.path, os.environ, os.path.isfile)
 
@@ -76,7 +84,7 @@ class Pdal:
             InputError: the reader cannot read its file, or the output cannot be written.
             EngineError: PDAL failed otherwise.
         """
-        with _scratch() as folder, _run_names(pipeline, folder) as safe:
+        with temporary_folder("pdal", needed_bytes=_written(pipeline)) as folder, _run_names(pipeline, folder) as safe:
             result = child_process.run_child(
                 [sys.executable, _WORKER] if self.path is None else [self.path, "pipeline", "--stdin"],
                 stdin=json.dumps({"pipeline": safe}).encode(),
@@ -178,14 +186,6 @@ def _release(version: str) -> tuple[int, ...]:
 
 
 @contextmanager
-def _scratch() -> Iterator[Path]:
-    """A folder with a plain name, in the system's place for temporary files, that goes whatever happens."""
-    folder = Path(tempfile.mkdtemp(prefix="slopewatch-"))
-    with cancellation.temporary(folder):
-        yield folder
-
-
-@contextmanager
 def _run_names(pipeline: list[Stage], folder: Path) -> Iterator[list[Stage]]:
     """The pipeline with names that PDAL takes literally; the writer's file takes its own when the block ends well.
 
@@ -202,6 +202,17 @@ def _run_names(pipeline: list[Stage], folder: Path) -> Iterator[list[Stage]]:
         yield [{**reader, "filename": str(source)}, *filters, {**writer, "filename": str(output)}]
         if output != target and output.is_file():
             shutil.move(output, target)
+
+
+def _written(pipeline: list[Stage]) -> int:
+    """Bytes that PDAL writes into its temporary folder: a cloud whose name it would change."""
+    source, target = Path(pipeline[0]["filename"]), Path(pipeline[-1]["filename"])
+    if _taken_literally(target.absolute()) or not source.is_file():
+        return 0
+    if target.suffix.lower() == ".laz":
+        return source.stat().st_size
+    header = preflight(source)
+    return header.count * header.record_length
 
 
 def _taken_literally(path: Path) -> bool:

@@ -20,6 +20,7 @@ from ...interface.parameters import (
 from ..core.errors import EngineError, InputError
 from ..core.json_shapes import read_json
 from ..core.messages import shown
+from ..core.part_folders import settle
 from ..core.progress import Progress
 from ..core.staged_outputs import atomic_output
 from ..core.templates import render
@@ -63,18 +64,22 @@ MEANINGS = {
 }
 
 
-def write_report(folder: Path, progress: Progress | None = None) -> Path:
+def write_report(folder: Path, progress: Progress | None = None, target: Path | None = None) -> Path:
     """Write ``report.html`` into an output folder of ``inspect``, ``change``, ``displacement`` or ``series``; its path.
 
     It is made of that folder alone, in the language of the environment, so that the same folder gives the same bytes.
+
+    Args:
+        target: another file to write.
 
     Raises:
         InputError: the folder holds no record of such a run, or a file of it cannot be read.
     """
     folder = Path(folder)
-    with atomic_output(folder / REPORT, check_report) as partial:
+    target = target or folder / REPORT
+    with atomic_output(target, check_report) as partial:
         _write(partial, compose(read_record(folder), folder, progress=progress))
-    return folder / REPORT
+    return target
 
 
 def compose(
@@ -126,6 +131,7 @@ def read_record(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: there is none, or it is damaged.
     """
+    settle(folder)
     try:
         return dict(read_json(folder / "run.json", run_record, _NO_RECORD))
     except FileNotFoundError as error:

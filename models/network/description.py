@@ -9,6 +9,7 @@ from ...engine.core import checksums
 from ...engine.core.errors import InputError
 from ...engine.core.json_shapes import fields, maybe, number, read_json, rows, text
 from ...engine.core.messages import shown
+from ...engine.core.part_folders import settle
 
 FORMAT = 1
 POINTS = "RandLA-Net"
@@ -59,6 +60,7 @@ def read_description(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it is missing, cannot be read, or is of another version.
     """
+    settle(path.parent)
     source = path.with_suffix(".json")
     try:
         description = dict(read_json(source, _DESCRIPTION, _SENTENCE))

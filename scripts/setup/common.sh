@@ -61,6 +61,8 @@ as_root() { if ((EUID == 0)); then "$@"; else sudo -- "$@"; fi; }
 apt_sources() { apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' 2>/dev/null; }
 # The mirror that this machine takes its own release from.
 apt_mirror() { apt_sources | awk -v release="$(os_field VERSION_CODENAME)" '$2 == release && $3 == "main" && !found++ {print $1}'; }
+# Where Debian's packages are looked for: the mirror given in place of all others, or this machine's own.
+debian_mirrors() { printf '%s\n' "${SLOPEWATCH_DEBIAN_MIRROR:-$(apt_mirror)}" | sed 's:/*$::' | awk NF; }
 apt_candidate() { apt-cache policy "$1" 2>/dev/null | awk '$1 == "Candidate:" && $2 != "(none)" {print $2}'; }
 
 # Package runs are long-winded: their output goes to a log, of which the end is shown where one fails.

@@ -3,8 +3,10 @@
 
 ENGINE_VENV=$ROOT/.venv
 LOCK=$ROOT/scripts/setup/requirements.lock
+TORCH_LOCK=$ROOT/scripts/setup/torch_cpu.lock
 PYTHON_OLDEST=3.10
-TORCH_VERSION=2.13.0
+TORCH_OLDEST=2.6
+TORCH_BELOW=2.15
 TORCH_CPU_INDEX=https://download.pytorch.org/whl/cpu
 
 python_version() { "$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null; }
@@ -16,7 +18,7 @@ python_is_new_enough() {
 # The first Python that is new enough: `python3` as the user has it, then other names of it, then the system's.
 find_python() {
     local name found
-    for name in python3 python3.13 python3.12 python3.11 python3.10 /usr/bin/python3; do
+    for name in python3 python3.14 python3.13 python3.12 python3.11 python3.10 /usr/bin/python3; do
         found=$(command -v "$name") && python_is_new_enough "$found" && "$found" -c 'import sys; print(sys.executable)' && return 0
     done
     return 1
@@ -87,22 +89,8 @@ install_locked() {
     pip_in "$venv" install -qq --require-hashes --no-deps "$@" -r "$list"
 }
 
-# The authors' library of the cloth filter has no ready build for every Python; then a compiler is needed. It is built with
-# the packages that are there already, so that nothing unchecked is fetched for it.
-install_cloth_filter() {
-    local requirement=cloth-simulation-filter
-    install_locked "$ENGINE_VENV" "$requirement" -- --only-binary=:all: 2>/dev/null && return
-    say "  $requirement has no ready build for Python $(python_version "$ENGINE_VENV/bin/python"): compiling it"
-    if ! command -v c++ >/dev/null || ! has_python_headers "$ENGINE_VENV/bin/python"; then
-        is_debian_like || die "compiling $requirement needs a C++ compiler and Python's headers: install them, or use Python 3.12 or older"
-        apt_install "compiling $requirement" g++ python3-dev
-    fi
-    install_locked "$ENGINE_VENV" "$requirement" -- --no-build-isolation || die "compiling $requirement failed (the message is above)"
-}
-has_python_headers() { "$1" -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))'; }
-
 engine_imports() {
-    "$ENGINE_VENV/bin/python" -c 'import CSF, click, geopandas, jinja2, laspy, lazrs, matplotlib, numpy, pyogrio, pyproj, rasterio, rich, scipy, shapely
+    "$ENGINE_VENV/bin/python" -c 'import click, geopandas, jinja2, laspy, lazrs, matplotlib, numpy, pyogrio, pyproj, rasterio, rich, scipy, shapely
 import pytest, hypothesis, slopewatch.engine'
 }
 
@@ -120,9 +108,8 @@ setup_engine() {
     fresh_environment "$ENGINE_VENV" "$PYTHON"
     say "  installing the pinned packages"
     # pyarrow stays out: pandas holds text in another way where it is there; GeoParquet asks for it by name
-    install_locked "$ENGINE_VENV" --but torch pycsw pytest-qgis cloth-simulation-filter pyarrow ||
+    install_locked "$ENGINE_VENV" --but torch pycsw pytest-qgis pyarrow ||
         die "pip could not install the engine's packages; a hash that differs means a file that is not the one that was tested (its message is above)"
-    install_cloth_filter
     pip_in "$ENGINE_VENV" install -qq --no-deps --no-build-isolation -e "$ROOT" || die "pip could not install the engine (its message is above)"
     # mypy does not follow editable installs; it finds the package through this link.
     mkdir -p "$STATE/package"
@@ -135,27 +122,35 @@ setup_engine() {
     setup_torch
 }
 
-# PyTorch serves training and the screening by points only, so the set-up goes on without it. The CPU build is asked for by its
-# full name: the plain name would bring gigabytes of CUDA libraries on Linux. PyPI has no such build, so the lock has no hash of
-# it: pip checks it by the hash that its index states, which is as good as the index. Its dependencies are locked.
+# PyTorch serves training and the screening by points only, so the set-up goes on without it. On Linux PyPI's builds bring
+# gigabytes of CUDA libraries; the build for processors is not there, so its hashes stand in a lock of their own.
 setup_torch() {
-    local key wanted=torch==$TORCH_VERSION+cpu
-    [[ $(uname -s) == Linux ]] || wanted=torch==$TORCH_VERSION
-    key=$(step_key "$wanted" "$(python_version "$ENGINE_VENV/bin/python")")
+    local key found list=$TORCH_LOCK
+    key=$(step_key "$(python_version "$ENGINE_VENV/bin/python")" -- "$TORCH_LOCK" "$LOCK")
     if is_stamped torch "$key" && [[ ${1:-} != again ]]; then
         [[ -e $STATE/torch.missing ]] && say "PyTorch: not there, training and screening by points are off (to try again: scripts/setup.sh torch)"
         return 0
     fi
-    rm -f "$STATE/torch.missing"
-    if "$ENGINE_VENV/bin/python" -c "import safetensors, torch, sys; sys.exit(torch.__version__.split('+')[0] != '$TORCH_VERSION')" 2>/dev/null; then
-        say "PyTorch: $TORCH_VERSION is there, used as it is"
-    elif pip_in "$ENGINE_VENV" install -qq --no-deps --timeout 60 --retries 1 "$wanted" 2>/dev/null; then
-        say "PyTorch: $wanted installed"
-    elif pip_in "$ENGINE_VENV" install -qq --no-deps --timeout 20 --retries 1 --index-url "$TORCH_CPU_INDEX" "$wanted" 2>/dev/null; then
-        say "PyTorch: $wanted installed from $TORCH_CPU_INDEX"
+    mkdir -p "$STATE"
+    rm -f "$STATE"/torch.{missing,log}
+    : >"$STATE/torch.log"
+    if [[ $(uname -s) != Linux ]]; then
+        list=$STATE/torch.txt
+        locked torch >"$list"
+    fi
+    if found=$("$ENGINE_VENV/bin/python" -c "import safetensors, torch; print(torch.__version__.split('+')[0])" 2>/dev/null) &&
+        version_at_least "$found" "$TORCH_OLDEST" && ! version_at_least "$found" "$TORCH_BELOW"; then
+        say "PyTorch: $found is there, used as it is"
+    elif install_torch "$list" --timeout 60 || { [[ $list == "$TORCH_LOCK" ]] && install_torch "$list" --timeout 20 --index-url "$TORCH_CPU_INDEX"; }; then
+        say "PyTorch: $("$ENGINE_VENV/bin/python" -c 'from importlib.metadata import version; print(version("torch"))') installed"
     else
         : >"$STATE/torch.missing"
-        say "PyTorch: no CPU build of $TORCH_VERSION could be had, so screening a single survey is off; all else works (to try again: scripts/setup.sh torch)"
+        if grep -q 'DO NOT MATCH THE HASHES' "$STATE/torch.log"; then
+            say "PyTorch: refused, because the file's SHA-256 is not listed in scripts/setup/torch_cpu.lock"
+        fi
+        say "PyTorch: no build that is listed could be had, so training and screening by points are off; all else works (to try again: scripts/setup.sh torch)"
     fi
     stamp torch "$key"
 }
+# install_torch LIST [pip options]: only a file whose hash is listed.
+install_torch() { pip_in "$ENGINE_VENV" install -qq --require-hashes --no-deps --retries 1 "${@:2}" -r "$1" >>"$STATE/torch.log" 2>&1; }

@@ -1,4 +1,4 @@
-# PDAL: one that is there and works, else what the system offers, else a private copy of Debian 11's under .pdal/.
+# PDAL: one that is there and works, else what the system offers, else a private copy of Debian 11's under .pdal/, else none.
 # shellcheck shell=bash
 #
 # Debian 12 and 13 ship no PDAL and PyPI holds only the sources of its bindings. Debian 11's packages clash with newer system
@@ -7,6 +7,8 @@
 PDAL_OLDEST=2.2
 PDAL_PREFIX=$ROOT/.pdal
 PDAL_RELEASE=bullseye
+WITHOUT_PDAL='laspy and shapely read and clip clouds instead (to try again: scripts/setup.sh pdal)'
+DEBIAN_ARCHIVE=http://archive.debian.org/debian
 
 # pdal_version PROGRAM: its version, or nothing where it does not start.
 pdal_version() { "$1" --version 2>/dev/null | first_version; }
@@ -40,8 +42,11 @@ find_usable_pdal() {
     return 1
 }
 
-# Mirrors that may still hold the old release: the one given (as when it has been retired to an archive), this machine's own.
-pdal_mirrors() { printf '%s\n' "${SLOPEWATCH_DEBIAN_MIRROR:-}" "$(apt_mirror)" | sed 's:/*$::' | awk 'NF && !seen[$0]++'; }
+# Mirrors that may hold the old release: the one given, else this machine's own and Debian's archive of old releases.
+pdal_mirrors() {
+    debian_mirrors
+    [[ -n ${SLOPEWATCH_DEBIAN_MIRROR:-} ]] || printf '%s\n' "$DEBIAN_ARCHIVE"
+}
 
 # pdal_write_wrapper PREFIX: PREFIX/bin/pdal, which starts the unpacked program with the loader and libraries unpacked with it.
 pdal_write_wrapper() {
@@ -57,7 +62,10 @@ pdal_write_wrapper() {
 pdal_download() {
     local mirror=$1 work=$2 keyring
     for keyring in /usr/share/keyrings/debian-archive-keyring.{gpg,pgp}; do [[ -r $keyring ]] && break; done
-    [[ -r $keyring ]] || die "the keyring of Debian's archive is missing: install the package debian-archive-keyring"
+    [[ -r $keyring ]] || {
+        say "  the keyring of Debian's archive is missing: install the package debian-archive-keyring"
+        return 1
+    }
     rm -rf "$work/lists"
     mkdir -p "$work"/{etc/apt.conf.d,etc/preferences.d,lists/partial,archives/partial,log}
     : >"$work/status"
@@ -90,14 +98,23 @@ Debug::NoLocking "true";
 #clear DPkg::Post-Invoke;
 #clear APT::Default-Release;
 CONF
-    apt-get -c "$work/etc/apt.conf" -qq -o Apt::Update::Error-Mode=any update &&
-        apt-get -c "$work/etc/apt.conf" -qq -y --download-only install pdal
+    pdal_lists "$work" || return 1
+    if [[ $mirror == */debian ]]; then
+        printf 'deb [signed-by=%s] %s %s main\n' "$keyring" "$mirror-security" "$PDAL_RELEASE-security" >>"$work/etc/sources.list"
+        pdal_lists "$work" || say "  without Debian 11's security updates: $mirror-security did not give them"
+    fi
+    apt-get -c "$work/etc/apt.conf" -qq -y --download-only install pdal
 }
+pdal_lists() { apt-get -c "$1/etc/apt.conf" -qq -o Apt::Update::Error-Mode=any update; }
 
+# The private copy; where none can be had it says why and fails.
 build_private_pdal() {
     local work=$STATE/pdal-download fresh=$PDAL_PREFIX.new mirror package program got=no
     for program in apt-get dpkg-deb; do
-        command -v "$program" >/dev/null || die "no PDAL on PATH, and without $program none can be unpacked: install PDAL (conda-forge: environment.yml)"
+        command -v "$program" >/dev/null || {
+            say "  without $program none can be unpacked"
+            return 1
+        }
     done
     while read -r mirror; do
         say "  fetching PDAL of Debian 11 from $mirror into a folder of this checkout (nothing of the system changes)"
@@ -107,14 +124,17 @@ build_private_pdal() {
         fi
         say "  $mirror did not give it"
     done < <(pdal_mirrors)
-    [[ $got == yes ]] || die "no mirror gave Debian 11's pdal: check the network, or install PDAL >= $PDAL_OLDEST and set SLOPEWATCH_PDAL to it; SLOPEWATCH_DEBIAN_MIRROR names another mirror"
+    [[ $got == yes ]] || return 1
 
     rm -rf "$fresh"
     mkdir -p "$fresh"
     for package in "$work"/archives/*.deb; do dpkg-deb -x "$package" "$fresh"; done
     rm -rf "$fresh"/usr/share/{doc,man,locale,lintian} "$fresh"/{etc,var}
     pdal_write_wrapper "$fresh"
-    pdal_works "$fresh/bin/pdal" || die "the unpacked PDAL does not run on this machine: $("$fresh/bin/pdal" --version 2>&1 | grep . | tail -n 1)"
+    pdal_works "$fresh/bin/pdal" || {
+        say "  the unpacked PDAL does not run on this machine: $("$fresh/bin/pdal" --version 2>&1 | awk 'NF {last = $0} END {print last}')"
+        return 1
+    }
     rm -rf "$PDAL_PREFIX"
     mv "$fresh" "$PDAL_PREFIX"
     rm -rf "$work"
@@ -126,32 +146,42 @@ pdal_key() {
         "$ROOT/scripts/setup/pdal.sh" "$ROOT/scripts/setup/pdal-wrapper.sh"
 }
 
+# setup_pdal [again]: all works without PDAL, so the set-up goes on without one; it looks again where the step is asked for by name.
 setup_pdal() {
-    local program
+    local program missing=$STATE/pdal.missing
     program=$(cat "$STATE/pdal.program" 2>/dev/null || true)
     if [[ -x $program ]] && is_stamped pdal "$(pdal_key "$program")"; then
         say "PDAL: $program, as before"
         return
     fi
     unstamp pdal
-    if [[ -n ${SLOPEWATCH_PDAL:-} ]] && ! pdal_works "$SLOPEWATCH_PDAL"; then
+    if [[ -n ${SLOPEWATCH_PDAL:-} && $SLOPEWATCH_PDAL != none ]] && ! pdal_works "$SLOPEWATCH_PDAL"; then
         die "SLOPEWATCH_PDAL names $SLOPEWATCH_PDAL, which is no working PDAL >= $PDAL_OLDEST: correct or unset it"
     fi
     [[ ! -e $PDAL_PREFIX/bin/pdal ]] || pdal_write_wrapper "$PDAL_PREFIX"
     if program=$(find_usable_pdal); then
         say "PDAL: $program works (version $(pdal_version "$program")), used as it is"
+    elif [[ ${SLOPEWATCH_PDAL:-} == none ]] || [[ -e $missing && ${1:-} != again ]]; then
+        say "PDAL: none; $WITHOUT_PDAL"
+        return
     else
         say "PDAL: none found that starts"
         if [[ -n $(apt_candidate pdal) ]] && version_at_least "$(apt_candidate pdal | first_version)" "$PDAL_OLDEST" && can_be_root; then
             say "  this system's own packages hold one"
-            apt_install PDAL pdal
+            (apt_install PDAL pdal) || true
         else
-            build_private_pdal
+            build_private_pdal || true
         fi
-        program=$(find_usable_pdal) || die "PDAL was installed but does not start"
+        if ! program=$(find_usable_pdal); then
+            mkdir -p "$STATE"
+            : >"$missing"
+            say "  no PDAL could be had; $WITHOUT_PDAL"
+            return
+        fi
         say "  PDAL $(pdal_version "$program") stands: $program"
     fi
     mkdir -p "$STATE"
+    rm -f "$missing"
     printf '%s\n' "$program" >"$STATE/pdal.program"
     stamp pdal "$(pdal_key "$program")"
 }

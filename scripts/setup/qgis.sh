@@ -28,11 +28,10 @@ add_backports() {
     for candidate in /usr/share/keyrings/debian-archive-keyring.{gpg,pgp}; do
         [[ -z $keyring && -r $candidate ]] && keyring="[signed-by=$candidate] "
     done
-    for mirror in "${SLOPEWATCH_DEBIAN_MIRROR:-}" "$(apt_mirror)"; do
-        [[ -n $mirror ]] || continue
+    for mirror in $(debian_mirrors); do
         if [[ -z $(apt_sources | awk -v suite="$suite" '$2 == suite') || -e $file ]]; then
             say "  adding $suite from $mirror as $file"
-            printf 'deb %s%s %s main\n' "$keyring" "${mirror%/}" "$suite" | as_root tee "$file" >/dev/null
+            printf 'deb %s%s %s main\n' "$keyring" "$mirror" "$suite" | as_root tee "$file" >/dev/null
         fi
         APT_REFRESHED=no
         apt_refresh

@@ -23,6 +23,8 @@ EXCEPTIONS = {
     "engine/core/child_launcher.py": "only started on POSIX systems",
     "engine/core/child_process.py": "/proc, where there is none the answer is 0",
     "engine/core/cancellation.py": "asks for os.name, hasattr",
+    "engine/core/part_folders.py": "only of folders with the sticky bit, which Windows does not have",
+    "engine/core/temporary_folders.py": "asks for os.name",
     "engine/core/qgis_program.py": "asks for sys.platform",
     "engine/pointcloud/pdal_places.py": "places of macOS and Linux, in functions for these",
     "plugin/bridge/engine_process.py": "asks for sys.platform",
@@ -56,6 +58,25 @@ def test_what_only_posix_systems_have_is_used_where_that_is_asked_for() -> None:
     assert len(found) > 300
     assert {path: names for path, names in found.items() if names and path not in EXCEPTIONS} == {}
     assert [path for path in EXCEPTIONS if not found[path]] == [], "no longer an exception"
+
+
+MAKES_TEMPORARY_FILES = {
+    "engine/core/temporary_folders.py": "for all others",
+    "engine/core/part_folders.py": "folders of outputs, beside the outputs",
+    "engine/core/staged_outputs.py": "tries whether a folder of outputs can be written",
+}
+
+
+def imports_tempfile(text: str) -> bool:
+    nodes = list(ast.walk(ast.parse(text)))
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    return "tempfile" in names | {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+
+
+def test_temporary_files_are_made_in_one_place() -> None:
+    """There they are locked, and removed by the next run if theirs is killed."""
+    assert {path for path, text in sources() if imports_tempfile(text)} == set(MAKES_TEMPORARY_FILES)
+    assert imports_tempfile("def f():\n    from tempfile import mkdtemp")
 
 
 def test_no_child_of_the_plugin_or_the_engine_opens_a_console_on_windows() -> None:

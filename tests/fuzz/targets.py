@@ -34,6 +34,7 @@ def all_targets(folder: Path) -> list[Target]:
     return [
         Target("las", plain, mutations.changed_bytes, ("info", "FILE")),
         Target("laz", clouds[0], mutations.changed_bytes, ("info", "FILE")),
+        *_clipped(folder),
         *_areas(folder, change),
         *_series(folder, clouds),
         *_transforms(folder, clouds, change),
@@ -42,6 +43,20 @@ def all_targets(folder: Path) -> list[Target]:
         *targets_given.targets(folder, change),
         *targets_results.targets(folder, clouds),
     ]
+
+
+def _clipped(folder: Path) -> list[Target]:
+    """Raw clouds that PDAL reads and clips to a region, by their own reference system and by a given one."""
+    region = folder / "region.gpkg"
+    square = shapely.box(epoch_pairs.X + 1, epoch_pairs.Y + 1, epoch_pairs.X + 11, epoch_pairs.Y + 11)
+    geopandas.GeoDataFrame(geometry=[square], crs=32651).to_file(region)
+    words = ("ground", "FILE", "--roi", str(region), "--output", "OUT/g.laz")
+    found = []
+    for ending in ("las", "laz"):
+        cloud = epoch_pairs.write(folder / f"raw.{ending}", epoch_pairs.slope(4, 4000))
+        for kind, given in (("own", ()), ("given", ("--crs", "EPSG:32651"))):
+            found.append(Target(f"clipped.{kind}.{ending}", cloud, mutations.changed_bytes, (*words, *given)))
+    return found
 
 
 def _areas(folder: Path, change: list[str]) -> list[Target]:

@@ -119,3 +119,15 @@ def test_screened_zones_are_counted_by_what_truly_moved(report, run):
     assert cells(rows, "screened zones") == ("", "4 zones")
     assert cells(rows, "screened zones that moved") == ("2", "1 confirmed")
     assert cells(rows, "other screened zones") == ("2", "1 confirmed")
+
+
+@pytest.mark.parametrize(
+    ("pdal", "said"), [({"version": "2.9.1"}, "PDAL 2.9.1"), ({"version": "", "instead": "laspy and shapely"}, "laspy")]
+)
+def test_the_demo_says_what_read_the_clouds(report, run, pdal, said):
+    survey, results = run
+    metrics = {"reference_vegetation_cover": 0.5, "common_cell_rate": 0.9, "lod_median_m": 0.03}
+    (survey / "truth.json").write_text(json.dumps({"vegetation_cover_of_slope": 0.5}), encoding="utf-8")
+    record = {"metrics": metrics, "pdal": pdal, "seconds": 1.0}
+    (results / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    assert cells(report.run_rows(survey, results), "clouds read and clipped by")[1].startswith(said)

@@ -77,9 +77,10 @@ def test_without_pytorch_the_set_up_goes_on_and_says_so(shell, checkout):
     script = 'pip_in() { echo "$*" >>"$ROOT/asked"; return 1; }\nmkdir -p "$STATE"\nsetup_torch\n'
     first = shell(script)
     assert first.returncode == 0
-    assert "screening a single survey is off" in first.stdout
+    assert "screening by points are off" in first.stdout
     asked = (checkout / "asked").read_text(encoding="utf-8")
-    assert "torch==2.13.0+cpu" in asked, "never the plain name, which brings CUDA"
+    assert "torch_cpu.lock" in asked, "never the plain name, which brings CUDA"
+    assert "--require-hashes" in asked
     assert "download.pytorch.org/whl/cpu" in asked
     second = shell(script)
     assert second.returncode == 0
@@ -87,15 +88,30 @@ def test_without_pytorch_the_set_up_goes_on_and_says_so(shell, checkout):
     assert (checkout / "asked").read_text(encoding="utf-8") == asked, "the second run asks the network for nothing"
 
 
-def test_the_pinned_pytorch_is_the_one_of_the_project(root):
-    text = (root / "pyproject.toml").read_text(encoding="utf-8")
-    version = next(
-        line.partition("=")[2]
-        for line in (root / "scripts" / "setup" / "engine.sh").read_text(encoding="utf-8").splitlines()
-        if line.startswith("TORCH_VERSION=")
-    )
-    assert f'"torch=={version}"' in text
-    assert f"pytorch ={version}" in (root / "environment.yml").read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("version", "kept"), [("2.5.1", False), ("2.6.0", True), ("2.14.1+cpu", True), ("2.15.0", False)]
+)
+def test_a_pytorch_within_the_range_is_used_as_it_is(shell, checkout, version, kept):
+    python = checkout / ".venv" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text(f'#!/bin/sh\ncase "$*" in *torch*) echo {version.partition("+")[0]} ;; esac\n', encoding="utf-8")
+    python.chmod(0o755)
+    done = shell('pip_in() { echo asked pip; return 1; }\nsetup_torch\ncat "$STATE/torch.log"')
+    assert done.returncode == 0, done.stderr
+    assert ("is there, used as it is" in done.stdout) is kept
+    assert ("asked pip" in done.stdout) is not kept
+
+
+def test_the_pinned_pytorch_lies_within_the_range_of_the_project(root, shell):
+    low, high = shell('echo "$TORCH_OLDEST" "$TORCH_BELOW"').stdout.split()
+    assert f'"torch>={low},<{high}"' in (root / "pyproject.toml").read_text(encoding="utf-8")
+    assert f"pytorch >={low},<{high}" in (root / "environment.yml").read_text(encoding="utf-8")
+    locks = [(root / "scripts" / "setup" / name).read_text("utf-8") for name in ("requirements.lock", "torch_cpu.lock")]
+    pinned = {
+        line[7:].partition("+")[0].split()[0] for lock in locks for line in lock.splitlines() if line[:7] == "torch=="
+    }
+    assert len(pinned) == 1
+    assert shell(f"version_at_least {min(pinned)} {low} && ! version_at_least {min(pinned)} {high}").returncode == 0
 
 
 def test_every_dependency_is_pinned_and_in_the_conda_file(root):

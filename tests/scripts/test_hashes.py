@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 
-def wheel(folder: Path, text: str) -> Path:
-    path = folder / "harmless-1.0-py3-none-any.whl"
-    info = "harmless-1.0.dist-info"
+def wheel(folder: Path, text: str, name: str = "harmless", version: str = "1.0") -> Path:
+    path = folder / f"{name}-{version}-py3-none-any.whl"
+    info = f"{name}-{version}.dist-info"
     with zipfile.ZipFile(path, "w") as file:
-        file.writestr("harmless.py", text)
-        file.writestr(f"{info}/METADATA", "Metadata-Version: 2.1\nName: harmless\nVersion: 1.0\n")
+        file.writestr(f"{name}.py", text)
+        file.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
         file.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
         file.writestr(f"{info}/RECORD", "")
     return path
@@ -54,7 +54,7 @@ def test_every_package_of_the_lock_has_hashes(root: Path) -> None:
 
 
 def test_the_set_up_installs_packages_in_no_other_way(root: Path) -> None:
-    """Except the checkout itself and PyTorch's build for processors, of which PyPI has no file."""
+    """Except the checkout itself."""
     lines = [
         line.strip()
         for part in ("engine", "qgis", "profile", "pdal", "common")
@@ -62,8 +62,29 @@ def test_the_set_up_installs_packages_in_no_other_way(root: Path) -> None:
         if "pip_in" in line and " install " in line
     ]
     unchecked = [line for line in lines if "--require-hashes" not in line]
-    assert len(unchecked) == 3
-    assert all("--no-deps" in line and ('-e "$ROOT"' in line or '"$wanted"' in line) for line in unchecked), unchecked
+    assert len(unchecked) == 1
+    assert "--no-deps" in unchecked[0]
+    assert '-e "$ROOT"' in unchecked[0]
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_a_pytorch_whose_hash_is_not_listed_is_refused_and_the_set_up_goes_on(
+    shell, checkout: Path, tmp_path: Path, sound: bool
+) -> None:
+    environment, lock = checkout / ".venv", tmp_path / "torch.lock"
+    subprocess.run([sys.executable, "-m", "venv", environment], check=True, timeout=600)
+    path = wheel(tmp_path, "__version__ = '2.7.0'", "torch", "2.7.0")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest() if sound else "0" * 64
+    lock.write_text(f"torch==2.7.0 ; sys_platform == 'linux' \\\n    --hash=sha256:{digest}\n")
+    done = shell(
+        f'TORCH_LOCK="{lock}"; uname() {{ echo Linux; }}; setup_torch', PIP_NO_INDEX="1", PIP_FIND_LINKS=str(tmp_path)
+    )
+    assert done.returncode == 0, done.stderr
+    assert ("PyTorch: 2.7.0 installed" in done.stdout) is sound, done.stdout
+    assert ("refused, because the file's SHA-256 is not listed" in done.stdout) is not sound
+    assert (checkout / ".setup" / "torch.missing").exists() is not sound
+    there = subprocess.run([environment / "bin" / "python", "-c", "import torch"], capture_output=True, check=False)
+    assert (there.returncode == 0) is sound
 
 
 @pytest.mark.skipif(shutil.which("apt-get") is None, reason="there is no apt-get")

@@ -37,7 +37,7 @@ def calls(program: Path) -> list[str]:
 @pytest.fixture
 def no_private_copy() -> str:
     """Bash that says so instead of fetching PDAL from the network."""
-    return "build_private_pdal() { die 'would fetch one'; }\napt_candidate() { :; }\n"
+    return "build_private_pdal() { echo would fetch one; return 1; }\napt_candidate() { :; }\n"
 
 
 def test_a_pdal_on_path_is_used_not_replaced(shell, checkout, tmp_path, no_private_copy):
@@ -70,10 +70,39 @@ def test_a_named_pdal_that_does_not_work_stops_the_set_up(shell, tmp_path, no_pr
     assert str(named) in result.stderr
 
 
-def test_without_any_a_private_one_is_fetched(shell, no_private_copy):
+def test_without_any_a_private_one_is_fetched_and_without_that_the_set_up_goes_on(shell, no_private_copy):
     result = shell(no_private_copy + "setup_pdal")
-    assert result.returncode == 1
-    assert "would fetch one" in result.stderr
+    assert result.returncode == 0, result.stderr
+    assert "would fetch one" in result.stdout
+    assert "no PDAL could be had; laspy and shapely read and clip clouds instead" in result.stdout
+    again = shell(no_private_copy + "setup_pdal")
+    assert (again.returncode, "would fetch one" in again.stdout) == (0, False), "the network is not asked again"
+    assert "scripts/setup.sh pdal" in again.stdout
+    assert "would fetch one" in shell(no_private_copy + "setup_pdal again").stdout
+
+
+def test_a_pdal_that_was_installed_later_is_used(shell, tmp_path, no_private_copy):
+    assert shell(no_private_copy + "setup_pdal").returncode == 0
+    on_path = working(tmp_path / "bin" / "pdal", "2.8.1")
+    found = shell(no_private_copy + "setup_pdal", path=str(on_path.parent))
+    assert f"{on_path} works (version 2.8.1)" in found.stdout
+
+
+def test_none_asks_for_no_pdal(shell, tmp_path, no_private_copy):
+    done = shell(no_private_copy + "setup_pdal", SLOPEWATCH_PDAL="none")
+    assert done.returncode == 0, done.stderr
+    assert "PDAL: none" in done.stdout
+    assert "would fetch one" not in done.stdout
+
+
+@pytest.mark.skipif(shutil.which("apt-get") is None, reason="there is no apt-get")
+def test_blocked_mirrors_do_not_stop_the_set_up(shell, checkout):
+    done = shell("apt_candidate() { :; }\nsetup_pdal", SLOPEWATCH_DEBIAN_MIRROR="http://127.0.0.1:9/")
+    assert done.returncode == 0, done.stderr
+    assert "http://127.0.0.1:9 did not give it" in done.stdout
+    assert "archive.debian.org" not in done.stdout + done.stderr, "the mirror that is given replaces all places"
+    assert "no PDAL could be had" in done.stdout
+    assert not (checkout / ".pdal").exists()
 
 
 def test_the_second_run_does_not_try_it_again_until_it_changes(shell, tmp_path, no_private_copy):
@@ -89,20 +118,39 @@ def test_the_second_run_does_not_try_it_again_until_it_changes(shell, tmp_path, 
     assert len(calls(on_path)) > tried
 
 
-def test_mirrors_are_the_one_given_and_the_machines_own(shell):
+def test_mirrors_are_the_one_given_or_the_machines_own_and_the_archive(shell):
     own = "apt_mirror() { echo http://mirror.example/debian/; }\n"
-    assert shell(own + "pdal_mirrors").stdout.split() == ["http://mirror.example/debian"]
-    given = "SLOPEWATCH_DEBIAN_MIRROR=http://archive.example/debian\n"
-    mirrors = shell(own + given + "pdal_mirrors").stdout.split()
-    assert mirrors == ["http://archive.example/debian", "http://mirror.example/debian"]
-    same = "SLOPEWATCH_DEBIAN_MIRROR=http://mirror.example/debian\n"
-    assert len(shell(own + same + "pdal_mirrors").stdout.split()) == 1, "one mirror is not asked twice"
+    mirrors = shell(own + "pdal_mirrors").stdout.split()
+    assert mirrors == ["http://mirror.example/debian", "http://archive.debian.org/debian"]
+    given = "SLOPEWATCH_DEBIAN_MIRROR=http://other.example/debian/\n"
+    assert shell(own + given + "pdal_mirrors").stdout.split() == ["http://other.example/debian"]
+    none = "apt_mirror() { :; }\n"
+    assert shell(none + "pdal_mirrors").stdout.split() == ["http://archive.debian.org/debian"]
+
+
+@pytest.mark.parametrize("secure", [True, False])
+def test_security_updates_are_asked_for_and_not_required(shell, tmp_path, secure):
+    """apt is played: PDAL is downloaded whether the security suite answers or not."""
+    script = f"""apt-get() {{
+    [[ $* != *install* ]] || {{ echo downloaded; return; }}
+    grep -q debian-security "{tmp_path}/work/etc/sources.list" || return 0
+    return {0 if secure else 1}
+}}
+pdal_download http://mirror.example/debian "{tmp_path}/work"
+"""
+    done = shell(script)
+    assert done.returncode == 0, done.stderr
+    sources = (tmp_path / "work" / "etc" / "sources.list").read_text(encoding="utf-8")
+    assert "http://mirror.example/debian bullseye main" in sources
+    assert "http://mirror.example/debian-security bullseye-security main" in sources
+    assert "downloaded" in done.stdout
+    assert ("without Debian 11's security updates" in done.stdout) is not secure
 
 
 def test_an_unreachable_mirror_is_followed_by_the_next(shell, tmp_path):
     script = (
         "pdal_mirrors() { printf '%s\\n' http://first http://second; }\n"
-        f'pdal_download() {{ echo "$1" >>"{tmp_path}/asked"; [[ $1 == http://second ]] || return 1; die enough; }}\n'
+        f'pdal_download() {{ echo "$1" >>"{tmp_path}/asked"; return 1; }}\n'
         "build_private_pdal"
     )
     result = shell(script)

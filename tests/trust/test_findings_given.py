@@ -22,6 +22,7 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.elevation_models.model import read_model
 from slopewatch.engine.flight.flown_tracks import track_from_angles
+from slopewatch.engine.flight.terrain import terrain_of_model
 from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.handover.held import read_held, read_record, read_sections
 from slopewatch.engine.handover.tables import copy_table
@@ -34,6 +35,7 @@ from slopewatch.tests.builders.elevation_models import write_model
 from slopewatch.tests.fuzz.readers import RECORD
 from slopewatch.tests.fuzz.targets_given import flown
 from slopewatch.workflows.compareflight import read_promised
+from slopewatch.workflows.planflight import read_tracks
 
 
 def test_times_that_no_survey_has(tmp_path: Path) -> None:
@@ -160,3 +162,17 @@ def test_a_raster_beyond_the_earth(tmp_path: Path) -> None:
         raster.write(np.ones((1, 4, 4), dtype=np.float32))
     with pytest.raises(InputError, match=r"far\.tif has a corner at 1\.7e\+45"):
         read_raster(path)
+
+
+def test_a_plan_with_a_line_that_leaves_the_terrain(tmp_path: Path) -> None:
+    """A corner far away made a place each metre until there, and the refusal named the terrain alone."""
+    model = read_model(write_model(tmp_path / "terrain.tif", np.zeros((40, 40))))
+    west, north, side = model.grid.west, model.grid.north, model.grid.cell * 40
+    for name, end in (("near", north - side / 2), ("far", north - 1e9)):
+        line = shapely.LineString([(west + side / 2, north - side / 4), (west + side / 2, end)])
+        frame = geopandas.GeoDataFrame({"line": [1]}, geometry=[line], crs=model.crs)
+        frame.to_file(tmp_path / f"{name}.gpkg", layer="lines")
+    terrain = terrain_of_model(model, 0.0)
+    assert len(read_tracks(tmp_path / "near.gpkg", terrain)) == 1
+    with pytest.raises(InputError, match=r"plan '.*far\.gpkg' leaves the terrain '.*terrain\.tif'"):
+        read_tracks(tmp_path / "far.gpkg", terrain)

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ...engine.core.part_folders import settle
 from ...engine.core.progress import Progress
 from ...engine.core.run_result import RunResult
 from ...engine.core.version import VERSION
@@ -134,6 +135,7 @@ def _known(folder: Path, made_of: str) -> tuple[dict[str, Path], dict[str, Any]]
 
 def read_record(folder: Path) -> dict[str, Any] | None:
     """The record of the last run in a folder; None where there is none that can be read."""
+    settle(folder)
     try:
         record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

@@ -85,7 +85,7 @@ def _executor(what: Given, common: Common, board: Board, progress: Progress) -> 
     if parameters.scheduler:
         page = parameters.dashboard_address if parameters.dashboard else ""
         own = None if what.program is PROGRAM else tuple(what.program)
-        return Dask(Wanted(parameters.scheduler, parameters.workers, page), progress, own)
+        return Dask(Wanted(parameters.scheduler, parameters.workers, page, what.folder), progress, own)
     if parameters.workers == 0:
         return InPlace(work_in_place, board.listen)
     return Processes(parameters.workers, board.listen, what.program)

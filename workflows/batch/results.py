@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...engine.core.part_folders import settle
 from ...engine.core.version import VERSION
 from .jobs import Job
 
@@ -41,6 +42,7 @@ class SlopeResult:
 def result_of(job: Job) -> SlopeResult | None:
     """The results of a job if its folder holds all of them: the record of this very task, and each file it promises."""
     folder = Path(job.folder)
+    settle(folder)
     record = _record(folder / _RECORD)
     if record is None or record.get("task") != job.task or record.get("command") != job.command:
         return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 import signal
 import sys
 import time
@@ -16,7 +15,7 @@ from typing import Any
 from ...engine.core.child_process import ChildResult, run_child
 from ...engine.core.errors import EngineError, InputError, SlopeWatchError
 from ...engine.core.file_lock import locked
-from ...engine.core.part_folders import PREFIX
+from ...engine.core.part_folders import settle
 from ...interface.protocol import CANCELLED, ERROR, INTERNAL_FAILURE, LOG, PROGRESS, TASK_VARIABLE
 from .jobs import KILLED, MEMORY, Job, Outcome
 from .results import result_of
@@ -80,7 +79,10 @@ def attempt(job: Job, work: Callable[[Events], int], listen: Listener | None) ->
 def _go_on_from_pair(job: Job) -> None:
     """Have a series use the ground of the surveys that the slope's earlier results hold."""
     folder = Path(job.folder)
-    if job.command != SERIES or job.options.get("ground_ready") or not (folder.parent / INSPECT / "run.json").is_file():
+    if job.command != SERIES or job.options.get("ground_ready"):
+        return
+    settle(folder.parent / INSPECT)
+    if not (folder.parent / INSPECT / "run.json").is_file():
         return
     # not at the top: a worker of a cluster need not load what works on clouds, nor a batch that finds nothing to do
     from .kept_ground import keep_ground
@@ -135,8 +137,7 @@ def _own(folder: Path) -> Iterator[None]:
     """Hold the folder of a slope, without what killed runs left in it."""
     try:
         with locked(folder / ".lock", f"Another process is at work in {folder}; wait until it has ended."):
-            for left in folder.glob(f"{PREFIX}*"):
-                shutil.rmtree(left, ignore_errors=True)
+            settle(folder)
             yield
     except OSError as error:
         raise EngineError(f"The folder {folder} cannot be written ({error.strerror}); free some space.") from error

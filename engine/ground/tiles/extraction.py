@@ -16,6 +16,7 @@ from pathlib import Path
 
 from ....interface.parameters import GroundParameters
 from ...core.progress import Progress
+from ..cloth import METHOD
 from ..cover import cover_warnings
 from ..densification import seed_window_of
 from ..doubts import doubt_sentences
@@ -33,7 +34,6 @@ from .surfaces import MAX_SEAM_DIFFERENCE_M, SEAM_M, Cloth, Seams, lay_surfaces
 from .survey import Kept, Survey, look_at_kept, look_through
 
 Step = Callable[[str, float, float, str], AbstractContextManager[None]]
-METHOD = "cloth-simulation-filter"
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,6 @@ def extract_in_tiles(job: Job) -> Outcome:
 
     Raises:
         InputError: the tiles would be too large for the memory limit; no ground, or too little to be true.
-        EngineError: the CSF library failed.
         Cancelled: the command is being cancelled.
     """
     parameters = job.parameters

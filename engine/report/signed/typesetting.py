@@ -6,7 +6,6 @@ import importlib.util
 import json
 import re
 import shutil
-import tempfile
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
@@ -17,6 +16,7 @@ from matplotlib.font_manager import get_font
 
 from ....interface.language import ENGLISH, current_language
 from ...core.errors import EngineError, InputError
+from ...core.temporary_folders import temporary_folder
 from ...maps.picture_words import chinese_font, chinese_font_files
 from .blocks import Document
 
@@ -67,16 +67,18 @@ def typeset(document: Document, head: Mapping[str, Any], day: date, path: Path) 
         "lang": current_language().split("_")[0],
         "day": [day.year, day.month, day.day],
     }
-    with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
-        families, has_all = _gather_fonts(json.dumps(content, ensure_ascii=False), folder)
+    families, fonts, has_all = _fonts_of(json.dumps(content, ensure_ascii=False))
+    needed = sum(map(len, document.files.values())) + sum(font.stat().st_size for font in fonts)
+    with temporary_folder("report", needed_bytes=needed) as folder:
+        for font in fonts:
+            shutil.copy(font, folder)
         text = json.dumps(content | {"fonts": families}, ensure_ascii=False, sort_keys=True)
         (folder / "content.json").write_text(text, encoding="utf-8", errors="backslashreplace")
         for name, data in document.files.items():
             (folder / name).write_bytes(data)
         source = folder / TEMPLATE.name
         shutil.copy(TEMPLATE, source)
-        options: dict[str, Any] = {"root": made, "font_paths": [made], "ignore_system_fonts": has_all}
+        options: dict[str, Any] = {"root": str(folder), "font_paths": [str(folder)], "ignore_system_fonts": has_all}
         try:
             try:
                 pdf = typst.compile(source, pdf_standards="a-2b", **options)
@@ -94,23 +96,24 @@ def check_pdf(path: Path) -> None:
         raise EngineError(f"{path.name} is not sound")
 
 
-def _gather_fonts(text: str, folder: Path) -> tuple[list[str], bool]:
-    """Copies the fonts of a text into a folder; their families, and whether they have all its letters.
+def _fonts_of(text: str) -> tuple[list[str], list[Path], bool]:
+    """The families and files of a text's fonts, and whether they have all its letters; the files are to be copied.
 
     Typst looks through whole folders of fonts, and would take other fonts on other machines for the same letters.
     """
     letters = {ord(c) for c in text if c.isprintable()}
     families = [_LATIN]
+    files: list[Path] = []
     known: set[int] = set()
     for path in sorted((Path(get_data_path()) / "fonts" / "ttf").glob("DejaVuSans*.ttf")):
         if path.stem in ("DejaVuSans", "DejaVuSans-Bold", "DejaVuSans-Oblique", "DejaVuSans-BoldOblique"):
-            shutil.copy(path, folder)
+            files.append(path)
         if path.stem == "DejaVuSans":
             known |= set(get_font(str(path)).get_charmap())
     if _HAN.search(text) and chinese_font():
         for path in chinese_font_files():
-            shutil.copy(path, folder)
+            files.append(path)
             known |= set(get_font(str(path)).get_charmap())
         # the Japanese face is the first in a collection, after which matplotlib names the file
         families += [chinese_font().replace(" JP", " SC"), chinese_font()]
-    return families, letters <= known
+    return families, files, letters <= known

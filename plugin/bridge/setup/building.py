@@ -15,10 +15,6 @@ from .workshop import Order, Reporter, Workshop, room
 
 _CHECK = ("-m", "slopewatch.cli", "check", "--progress", "json")
 _NEEDED_MODULES = "import ctypes, sqlite3, ssl, zlib"
-_NO_CLOTH = (
-    "The cloth filter has no ready build for this Python, so that extracting the ground needs PDAL 2.3 or newer; or "
-    "install Python 3.12 from https://www.python.org/downloads/ and repair the engine."
-)
 
 
 def set_up(order: Order, report: Reporter) -> state.State:
@@ -85,8 +81,6 @@ def _engine(shop: Workshop) -> state.State:
         wanted, missing = shop.download(pip, pip.applicable([one for one in every if one is not installer]), 5, 65)
         if "llvmlite" in missing:  # numba cannot do without it
             wanted = [one for one in wanted if one.name != "numba"]
-        if "cloth-simulation-filter" in missing:
-            shop.report.warn(_NO_CLOTH)
         packages = shop.packages(environment, python.version)
         with shop.counted(packages, len(wanted), 65, 93):
             pip.install(wanted, environment, "Installing the engine's packages")

@@ -14,9 +14,8 @@ from pathlib import PurePath, PurePosixPath, PureWindowsPath
 from .problems import SetupError
 
 OLDEST = (3, 10)
-PREFERRED = ((3, 12), (3, 11), (3, 10))
-"""Those for which all packages of the lock have ready builds."""
-NEWER = ((3, 13), (3, 14))
+PREFERRED = ((3, 12), (3, 11), (3, 10), (3, 13), (3, 14))
+"""Those for which the packages of the lock have ready builds."""
 REMEDY = "install Python 3.12 from https://www.python.org/downloads/ and set the engine up again"
 _QUESTION = """
 import importlib.util as u, json, platform, struct, sys, sysconfig
@@ -64,7 +63,7 @@ def candidates(
     if running.platform == "win32":
         launcher = PureWindowsPath(environ.get("SystemRoot", "C:\\Windows")) / "py.exe"
         if is_file(str(launcher)):
-            for major, minor in (*PREFERRED, *NEWER):
+            for major, minor in PREFERRED:
                 found.setdefault((str(launcher), f"-{major}.{minor}"), "the py launcher")
     return list(found.items())
 
@@ -87,7 +86,7 @@ def _on_windows(running: Running, environ: Mapping[str, str]) -> Places:
     if environ.get("CONDA_PREFIX"):
         yield PureWindowsPath(environ["CONDA_PREFIX"]) / "python.exe", CONDA
     local, programs = environ.get("LOCALAPPDATA", ""), environ.get("ProgramFiles", "C:\\Program Files")
-    for major, minor in (*PREFERRED, *NEWER):
+    for major, minor in PREFERRED:
         for base in ([PureWindowsPath(local) / "Programs" / "Python"] if local else []) + [PureWindowsPath(programs)]:
             yield base / f"Python{major}{minor}" / "python.exe", USUAL
 
@@ -105,7 +104,7 @@ def _on_macos(running: Running, environ: Mapping[str, str]) -> Places:
         yield folder / "python3", QGIS
     yield from _on_path(environ)
     # programs that the Finder starts have a short search path
-    for major, minor in (*PREFERRED, *NEWER):
+    for major, minor in PREFERRED:
         name = f"python{major}.{minor}"
         yield PurePosixPath("/Library/Frameworks/Python.framework/Versions") / f"{major}.{minor}" / "bin" / name, USUAL
         yield PurePosixPath("/opt/homebrew/bin") / name, USUAL
@@ -123,7 +122,7 @@ def _on_linux(running: Running, environ: Mapping[str, str]) -> Places:
 
 
 def _on_path(environ: Mapping[str, str]) -> Places:
-    names = ["python3", *(f"python{major}.{minor}" for major, minor in (*PREFERRED, *NEWER))]
+    names = ["python3", *(f"python{major}.{minor}" for major, minor in PREFERRED)]
     folders = [PurePosixPath(folder) for folder in environ.get("PATH", "").split(":") if folder.startswith("/")]
     if environ.get("CONDA_PREFIX"):
         yield PurePosixPath(environ["CONDA_PREFIX"]) / "bin" / "python3", CONDA

@@ -9,8 +9,8 @@ from pathlib import Path
 ENGINE_LOCK = Path(__file__).with_name("engine.lock")
 SCREENING_LOCK = Path(__file__).with_name("screening.lock")
 INSTALLER = "pip"
-OPTIONAL = frozenset(["cloth-simulation-filter", "numba", "llvmlite", "typst", "psycopg", "psycopg-binary"])
-"""What the engine can do without where it has no ready build: slower, with PDAL's cloth filter, no PDF, no database."""
+OPTIONAL = frozenset(["numba", "llvmlite", "typst", "psycopg", "psycopg-binary"])
+"""What the engine can do without where it has no ready build: slower, no PDF, no database."""
 TORCH_CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 _ENTRY = re.compile(
     r"^([a-z0-9][a-z0-9._-]*)==([^\s;\\]+)[ ]*(?:;([^\\\n]*))?((?:\\?\n[ ]+--hash=sha256:[0-9a-f]{64} ?)+)", re.M

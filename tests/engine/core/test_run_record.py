@@ -61,6 +61,6 @@ def test_an_input_that_does_not_exist_is_the_users_error(tmp_path):
 
 
 def test_versions_of_what_decides_the_results_and_of_what_is_missing(monkeypatch):
-    assert run_record.versions()["cloth-simulation-filter"] == importlib.metadata.version("cloth-simulation-filter")
+    assert run_record.versions()["scipy"] == importlib.metadata.version("scipy")
     monkeypatch.setattr(run_record, "_LIBRARIES", ("no-such-library",))
     assert run_record.versions()["no-such-library"] == "not installed"

@@ -1,34 +1,52 @@
-"""The CSF library in its child process: same answer as called plainly, refusals, determinism, cancelling."""
+"""The cloth gives the answer of its authors' library; refusals, gaps, cancelling."""
 
 from __future__ import annotations
 
+import importlib.util
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
-from slopewatch.engine.core.errors import EngineError, InputError
+from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.ground import cloth
 from slopewatch.engine.ground.cloth import cloth_ground, refuse_large_cloth
+from slopewatch.engine.ground.cloth_kernels import ABSENT, FRAME, MOVABLE, settle
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.tests.builders.limits import CANCELLED_S, PATIENCE_S
 
 PLAIN = """
-import sys, numpy, CSF
-points = numpy.load(sys.argv[1])
+import json, sys, numpy, CSF
+points, options = numpy.load(sys.argv[1]), json.loads(sys.argv[3])
 cloth = CSF.CSF()
-cloth.params.bSloopSmooth = False
-cloth.params.cloth_resolution, cloth.params.rigidness, cloth.params.time_step = 0.5, 2, 0.65
-cloth.params.class_threshold, cloth.params.interations = 0.2, 300
+cloth.params.bSloopSmooth, cloth.params.cloth_resolution = options["slope_smoothing"], options["cloth_resolution"]
+cloth.params.rigidness, cloth.params.time_step = options["rigidness"], options["time_step"]
+cloth.params.class_threshold, cloth.params.interations = options["class_threshold"], options["iterations"]
 cloth.setPointCloud(points)
 ground, rest = CSF.VecInt(), CSF.VecInt()
 cloth.do_filtering(ground, rest, False)
-numpy.save(sys.argv[2], numpy.array(ground))
+numpy.save(sys.argv[2], numpy.array(ground, dtype=int))
 """
+
+
+def by_the_authors(xyz: np.ndarray, parameters: GroundParameters, folder: Path) -> np.ndarray:
+    """(n,) points near the cloth of the authors' library, which prints and so runs in a process of its own."""
+    if importlib.util.find_spec("CSF") is None:
+        pytest.skip("the authors' library has no build for this Python")
+    np.save(folder / "points.npy", xyz - xyz.min(axis=0))
+    options = json.dumps(asdict(parameters))
+    arguments = [sys.executable, "-c", PLAIN, folder / "points.npy", folder / "ground.npy", options]
+    subprocess.run(arguments, check=True, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    found = np.zeros(len(xyz), dtype=bool)
+    found[np.load(folder / "ground.npy")] = True
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -49,32 +67,55 @@ def test_ground_under_bushes_is_distinguished_from_them(field):
     assert (found & truth).sum() / found.sum() > 0.99
 
 
-def test_the_answer_is_that_of_the_library_called_plainly_with_these_parameters(field, tmp_path):
-    xyz, _ = field
-    np.save(tmp_path / "points.npy", xyz - xyz.min(axis=0))
-    subprocess.run(
-        [sys.executable, "-c", PLAIN, tmp_path / "points.npy", tmp_path / "ground.npy"],
-        check=True,
-        capture_output=True,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )
-    parameters = GroundParameters(
-        cloth_resolution=0.5, rigidness=2, time_step=0.65, iterations=300, class_threshold=0.2
-    )
-    found = cloth_ground(xyz, parameters)
-    assert np.array_equal(np.flatnonzero(found), np.sort(np.load(tmp_path / "ground.npy")))
-    assert not np.array_equal(found, cloth_ground(xyz, GroundParameters(cloth_resolution=0.5), threshold=0.05))
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"cloth_resolution": 0.5, "rigidness": 2, "iterations": 300, "class_threshold": 0.2},
+        {"cloth_resolution": 0.3, "rigidness": 1, "time_step": 0.9, "slope_smoothing": True},
+        {"cloth_resolution": 1.3, "rigidness": 3, "iterations": 5, "slope_smoothing": True},
+    ],
+)
+def test_the_answer_is_that_of_the_authors_library(field, tmp_path, options):
+    parameters = GroundParameters(**options)
+    found = cloth_ground(field[0], parameters)
+    assert 0.1 < found.mean() < 1.0
+    assert np.array_equal(found, by_the_authors(field[0], parameters, tmp_path))
+    assert not np.array_equal(found, cloth_ground(field[0], parameters, threshold=0.05))
 
 
-def test_the_same_points_give_the_same_ground_however_many_threads_the_caller_allows(field, monkeypatch):
-    xyz, _ = field
-    parameters = GroundParameters(cloth_resolution=0.2)
-    first = cloth_ground(xyz, parameters)
-    monkeypatch.setenv("OMP_NUM_THREADS", "8")
-    assert np.array_equal(first, cloth_ground(xyz, parameters))
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_answer_on_a_real_steep_slope_is_that_of_the_authors_library(shared_data, tmp_path, smooth):
+    xyz = np.array(laspy.read(shared_data / "real" / "ign_tiles" / "alpine_slope.laz").xyz)
+    parameters = GroundParameters(cloth_resolution=0.7, slope_smoothing=smooth)
+    assert np.array_equal(cloth_ground(xyz, parameters), by_the_authors(xyz, parameters, tmp_path))
 
 
-def test_what_would_crash_or_drown_the_library_is_refused(field):
+def test_particles_without_points_in_row_and_column_get_the_heights_of_the_authors_library(field, tmp_path):
+    """Two regions corner to corner, 5 m apart: the search from neighbour to neighbour, and which it leaves marked."""
+    both = np.vstack([field[0][:8000], field[0][:8000] + [36.0, 35.0, 3.0]])
+    parameters = GroundParameters(cloth_resolution=0.5, slope_smoothing=True)
+    assert len(cloth.filling(both, 0.5)) == 0, "else nothing is searched for"
+    assert np.array_equal(cloth_ground(both, parameters), by_the_authors(both, parameters, tmp_path))
+
+
+def test_numpys_way_gives_the_loops_cloth_to_the_last_bit():
+    rng = np.random.default_rng(4)
+    rows, row = 13 + 2 * FRAME, 17 + 2 * FRAME
+    state = np.pad(np.full((13, 17), MOVABLE, np.uint8), FRAME, constant_values=ABSENT).ravel()
+    ground = np.pad(np.cumsum(rng.normal(0, 0.1, (13, 17)), axis=1), FRAME, constant_values=np.nan).ravel()
+    made = []
+    for way in (settle, settle.plain):
+        cloth = np.full(rows * row, 3.0)
+        now = state.copy()
+        steps = way(cloth, cloth.copy(), ground, now, row, np.array([0.3, 0.3]), -0.1, 30)
+        made.append((steps, cloth, now))
+    assert made[0][0] == made[1][0]
+    assert 0 < np.count_nonzero(made[0][2] == MOVABLE) < 0.6 * 13 * 17, "some hang, some landed"
+    for one, other in zip(made[0][1:], made[1][1:], strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_what_has_no_answer_or_takes_too_long_is_refused(field):
     xyz, _ = field
     broken = xyz.copy()
     broken[7, 0] = np.nan
@@ -88,7 +129,7 @@ def test_what_would_crash_or_drown_the_library_is_refused(field):
     assert len(cloth_ground(np.empty((0, 3)), GroundParameters())) == 0
 
 
-def test_a_gap_between_two_regions_does_not_make_the_library_search_for_hours(field):
+def test_a_gap_between_two_regions_is_not_searched_for_hours(field):
     xyz, truth = field
     parameters = GroundParameters(cloth_resolution=0.5)
     assert len(cloth.filling(xyz, 0.5)) == 0
@@ -99,12 +140,6 @@ def test_a_gap_between_two_regions_does_not_make_the_library_search_for_hours(fi
     for part in np.split(found, 2):
         assert (part & truth).sum() > 0.93 * truth.sum()
         assert (part & truth).sum() > 0.99 * part.sum()
-
-
-def test_a_library_that_may_not_take_the_memory_it_wants_is_an_error_not_a_crash(field, monkeypatch):
-    monkeypatch.setattr(cloth, "_BYTES_FOR_ITSELF", 50_000_000)
-    with pytest.raises(EngineError, match="cloth simulation failed"):
-        cloth_ground(field[0], GroundParameters())
 
 
 LONG = """
@@ -128,44 +163,16 @@ print("done", flush=True)
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_cancelling_ends_the_library_within_seconds_and_leaves_nothing(tmp_path, number):
+def test_cancelling_ends_the_cloth_within_seconds_and_leaves_nothing(tmp_path, number):
     tests = str(Path(__file__).resolve().parents[2])
     script = LONG.format(tests=tests, folder=str(tmp_path))
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "start\n"
-    child = _child_of(process.pid)
-    time.sleep(0.5)
+    time.sleep(2)
     started = time.monotonic()
     process.send_signal(number)
     assert process.wait(PATIENCE_S) == 130
     assert time.monotonic() - started < CANCELLED_S
     assert "done" not in process.communicate()[0]
-    deadline = time.monotonic() + CANCELLED_S
-    while Path(f"/proc/{child}").exists() and "zombie" not in Path(f"/proc/{child}/status").read_text():
-        assert time.monotonic() < deadline, "the library still runs"
-        time.sleep(0.05)
     assert list(tmp_path.iterdir()) == []
-
-
-def _child_of(pid: int) -> int:
-    """The process that ``pid`` started, once it is the CSF worker."""
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        for entry in Path("/proc").iterdir():
-            try:
-                parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-                if parent == pid and "cloth_worker" in (entry / "cmdline").read_text():
-                    return int(entry.name)
-            except (OSError, ValueError, IndexError):
-                continue
-        time.sleep(0.02)
-    raise AssertionError("the library was not started")
-
-
-def test_without_the_library_it_says_what_to_install(field, monkeypatch, tmp_path):
-    worker = tmp_path / "worker.py"
-    worker.write_text("raise ModuleNotFoundError(\"No module named 'CSF'\", name='CSF')\n")
-    monkeypatch.setattr(cloth, "_WORKER", worker)
-    with pytest.raises(InputError, match=r"cloth filter .* is not there.*install PDAL 2\.3 or newer"):
-        cloth_ground(field[0], GroundParameters())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from datetime import date
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from pyproj import CRS
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.ground.extraction import extract_ground
 from slopewatch.engine.ground.result import GroundResult
+from slopewatch.engine.pointcloud.pdal_program import Pdal
 from slopewatch.engine.pointcloud.writing import Copy, copies
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, ReportParameters
 from slopewatch.tests.builders.epoch_pairs import slope
@@ -25,9 +27,39 @@ OLD, NEW = (1, 3), (6, 7)
 CLASSES = {1: (2, 12), 3: (2, 31), 6: (2, 12, 64, 200), 7: (2, 31, 130)}
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _pdal() -> None:
-    any_pdal()
+STAND_IN = '''#!{python}
+"""PDAL from 2.4 on: class 12 of formats before 6 is read as class 0 with the overlap flag; then the real one."""
+import json, os, subprocess, sys
+if sys.argv[1:] == ["--version"]:
+    sys.exit(print("pdal 2.9.1 (git-version: stand-in)"))
+import laspy
+stages = json.loads(sys.stdin.read())
+reader = stages["pipeline"][0]
+las = laspy.read(reader["filename"])
+if las.point_format.id < 6:
+    was = las.classification == 12
+    las = laspy.convert(las, point_format_id=7 if las.point_format.id > 1 else 6, file_version="1.4")
+    las.overlap[was], las.classification[was] = 1, 0
+    reader["filename"] = os.path.join(os.getcwd(), "modern.las")
+    las.write(reader["filename"])
+sys.exit(subprocess.run([{pdal!r}, *sys.argv[1:]], input=json.dumps(stages).encode()).returncode)
+'''
+
+
+@pytest.fixture(autouse=True, params=["the PDAL at hand", "as from 2.4 on", "none"])
+def _pdal(request, tmp_path, monkeypatch) -> None:
+    if request.param == "none":
+        monkeypatch.setenv("SLOPEWATCH_PDAL", "none")
+        return
+    real = any_pdal().path
+    if request.param == "as from 2.4 on":
+        if real is None:
+            pytest.skip("the stand-in passes pipelines on to the pdal program")
+        program = tmp_path / "pdal"
+        program.write_text(STAND_IN.format(python=sys.executable, pdal=str(real)))
+        program.chmod(0o755)
+        monkeypatch.setenv("SLOPEWATCH_PDAL", str(program))
+        monkeypatch.setattr(Pdal, "has_csf", False)  # the real one's may not work
 
 
 def write(path: Path, point_format: int, classes: tuple[int, ...], flags: tuple[str, ...], seed: int = 1) -> Path:

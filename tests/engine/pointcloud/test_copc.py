@@ -67,7 +67,7 @@ def test_any_small_box_gets_all_its_points(copc, seed):
 
 def test_pdal_clips_them_to_the_same_points(copc, tmp_path):
     header, frame = open_cloud(copc, INPUTS)
-    source = Source(header, frame, Roi(CORNER, copc), 1000.0, False)
+    source = Source(header, frame, Roi(CORNER, copc), 1000.0, False, False)
     chosen = read_near(source, tmp_path / "near.las")
     assert chosen.count < 0.5 * header.count
     for name, given in (("near", chosen), ("whole", header)):
@@ -86,7 +86,7 @@ def test_a_cloud_that_is_read_as_a_whole(copc, tmp_path):
     assert near(copc, everything) is None
     assert near(copc, shapely.box(0, 0, 1, 1)) is None
     for region in (None, Roi(everything, copc)):
-        assert read_near(Source(header, frame, region, 1.0, False), tmp_path / "near.las") is header
+        assert read_near(Source(header, frame, region, 1.0, False, False), tmp_path / "near.las") is header
     assert not (tmp_path / "near.las").exists()
 
 

@@ -93,7 +93,7 @@ def test_an_own_cluster_listens_on_the_loopback_only() -> None:
     with ExitStack() as stack:
         found = connect(Wanted(LOCAL, 1, f"127.0.0.1:{port}"), stack, progress)
         listening = _listening()
-        assert found.client.scheduler.address.startswith("tcp://127.0.0.1:")
+        assert found.client.scheduler.address.startswith("tls://127.0.0.1:")
         assert ("127.0.0.1", port) in listening
         assert {host for host, _ in listening} <= {"127.0.0.1", "::1"}
     assert builtins.any("bokeh" in w for w in progress.warnings) or importlib.util.find_spec("bokeh")

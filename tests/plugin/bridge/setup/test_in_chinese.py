@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from qgis.core import QgsApplication, QgsProcessingContext, QgsProcessingException
 from slopewatch.plugin.bridge import language
-from slopewatch.plugin.bridge.setup import building, problems
+from slopewatch.plugin.bridge.setup import problems
 from slopewatch.plugin.bridge.setup.pythons import none_found
 from slopewatch.plugin.bridge.words import tr
 from slopewatch.processing_algorithms.setupengine import SetupEngine
@@ -52,7 +52,7 @@ def test_each_sentence_of_what_goes_wrong_is_in_the_catalogue(chinese: None) -> 
     said += [str(problems.of_output(["ERROR: odd"], task, FOLDER, ROOM)) for task in TASKS]
     said += [str(problems.of_system(OSError(n, "x"), FOLDER, ROOM)) for n in (errno.ENOSPC, errno.EACCES, errno.EIO)]
     said += [str(none_found([])), str(none_found(["Python 3.9 at /usr/bin/python3 is too old"]))]
-    said += [problems.CANCELLED, building._NO_CLOTH]
+    said += [problems.CANCELLED]
     no_build = problems.of_output(["No matching distribution found for x"], "Downloading torch 2.1", FOLDER, ROOM)
     said.append(f"{no_build} All but training and the network on points works without it.")
     assert english(said) == said, "they arise in English"

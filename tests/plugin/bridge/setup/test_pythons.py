@@ -101,7 +101,7 @@ def test_a_python_that_cannot_be_used_is_refused(said: str, why: str) -> None:
 def test_those_with_all_builds_come_first_and_each_is_asked_in_its_turn() -> None:
     answers = {
         "old": answer("3.9.1", executable="/old"),
-        "new": answer("3.13.1", executable="/new"),
+        "new": answer("3.15.1", executable="/new"),
         "good": answer("3.11.2", executable="/good"),
         "same": answer("3.11.2", executable="/good"),
         "last": answer("3.10.0", executable="/last"),

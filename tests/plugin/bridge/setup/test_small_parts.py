@@ -76,7 +76,7 @@ def test_the_locks_of_the_zip() -> None:
     engine, screening = read_lock(ENGINE_LOCK), read_lock(SCREENING_LOCK)
     names = {one.name for one in engine}
     assert engine[0].name == "pip"
-    assert names >= {"numpy", "rasterio", "cloth-simulation-filter", "numba", "shapely", "lazrs"}
+    assert names >= {"numpy", "rasterio", "numba", "shapely", "lazrs"}
     assert not names & {"torch", "pytest", "mypy", "dask"}
     assert {one.name for one in screening} >= {"torch"}
     assert not names & {one.name for one in screening}
