@@ -160,17 +160,17 @@ def _target_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]])
     fallen = [bool((j.levels <= j.case.highest).all()) for k in ("fast, then stopped", "repaired") for j in judged[k]]
     result = [
         Row("levels 3 and 4 on still slopes and constant creep, 4 to 8 surveys", counted(alarms, 2), "<= 0.5 %", "",
-            np.mean(alarms) <= 0.005),
+            bool(np.mean(alarms) <= 0.005)),
         Row("zones of still slopes with seasonal grass, two years: alerts", counted(grass), "0", "", not any(grass)),
         Row("failures with level 3 or more at the last survey before", counted(hits), ">= 80 %",
-            f"first {np.median(leads):.0f} days before the failure (median)", np.mean(hits) >= 0.8),
+            f"first {np.median(leads):.0f} days before the failure (median)", bool(np.mean(hits) >= 0.8)),
         _interval_row(failing),
         Row("stopped or repaired: level withdrawn after two quiet surveys", counted(fallen), ">= 95 %", "",
-            np.mean(fallen) >= 0.95),
+            bool(np.mean(fallen) >= 0.95)),
     ]  # fmt: skip
     for kind in _EPISODES:
         often = 10 * sum(j.highest_reached for j in judged[kind]) / sum(j.years for j in judged[kind])
-        result.append(Row(f"{kind}: level 4 for each slope and decade", f"{often:.2f}", "<= 1", "", often <= 1))
+        result.append(Row(f"{kind}: level 4 for each slope and decade", f"{often:.2f}", "<= 1", "", bool(often <= 1)))
     return result
 
 
@@ -179,7 +179,7 @@ def _interval_row(failing: Sequence[Judged]) -> Row:
     held = [bool(j.interval[i, 0] <= j.case.failure <= j.interval[i, 1]) for j, i in stated]
     width = np.median([j.interval[i, 1] - j.interval[i, 0] for j, i in stated]) if stated else np.nan
     return Row("failure intervals that hold the failure", counted(held), ">= 90 %", f"{width:.0f} days wide (median)",
-               bool(held) and np.mean(held) >= 0.9)  # fmt: skip
+               bool(held and np.mean(held) >= 0.9))  # fmt: skip
 
 
 def _method_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]]) -> list[Row]:

@@ -62,7 +62,9 @@ def _judged(zone: ZoneSeries, days: Float, plants: Bool, cell: float, alerts: tu
 def _heights(zone: ZoneSeries, days: Float, plants: Bool, cell: float) -> Displacements:
     confirmed = zone.confirmed if zone.motion is None else zone.motion.heights_confirmed
     change = np.where(plants, np.nan, zone.change)
-    return Displacements(days, change, zone.variance, confirmed & ~plants, zone.measured * cell**2)
+    return Displacements(
+        days, change, zone.variance, confirmed & ~plants, np.asarray(zone.measured * cell**2, dtype=np.float64)
+    )
 
 
 def _of_motion(ground: MovingGround, moved: Bool, days: Float, alerts: tuple[AlertLevel, ...]) -> LevelHistory:
