@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
+from ..engine.core.errors import InputError
+from ..engine.core.messages import shown
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import BatchParameters, command_sets
+from ..interface.protocol import SOME_FAILED
 from .options import OUTPUT_DIR, PATH, Session, command, path_option, related
 
 
@@ -34,4 +38,17 @@ def batch(session: Session, manifest: Path, alerts: Path | None, output_dir: Pat
     options = {name: value for name, value in session.values.items() if name in specifications() and value is not None}
     files = LayerFiles(**layers)
     common = Common(options, session.profile, alerts, session.pdal, session.parameters(BatchParameters), files)
-    return run_batch(Given(manifest, output_dir, session.overwrite), common, session.report)
+    return _with_exit_code(run_batch(Given(manifest, output_dir, session.overwrite), common, session.report))
+
+
+def _with_exit_code(done: RunResult) -> RunResult:
+    """The result with the code that says whether slopes failed.
+
+    Raises:
+        InputError: no slope has results.
+    """
+    figures = done.figures
+    if not figures["slopes_done"]:
+        page = shown(done.outputs["page"])
+        raise InputError(f"No slope has results; correct the manifest or the surveys ({page} says what is wrong).")
+    return replace(done, exit_code=SOME_FAILED) if figures["slopes_failed"] else done

@@ -29,7 +29,9 @@ def paragraphs(text: str) -> list[str]:
 
 def take_language(context: click.Context, parameter: click.Parameter, value: str | None) -> None:
     """Of this process and its children; read before any text is made."""
-    if value is not None and value != AUTOMATIC:
+    if value == AUTOMATIC:
+        os.environ.pop(LANGUAGE_VARIABLE, None)  # what is given here overrules it
+    elif value is not None:
         os.environ[LANGUAGE_VARIABLE] = value
 
 

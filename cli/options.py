@@ -17,6 +17,7 @@ import click
 
 from ..engine.core import cancellation, temporary_folders
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
+from ..engine.core.input_files import refuse_unusable
 from ..engine.core.messages import shown
 from ..engine.core.part_folders import settle_around
 from ..engine.core.run_result import RunResult
@@ -214,6 +215,9 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
             say_of_formats(report)
 
             def work() -> RunResult:
+                weights = values.get("weights")
+                # names on PATH and of shipped weights are no files, which is left to those that look for them
+                refuse_unusable([("pdal", pdal), ("weights", Path(weights) if weights else None)])
                 if temporary is not None:
                     temporary_folders.choose(temporary)
                 used, chosen = _with_settings(settings, groups, values, profile, report)
@@ -243,7 +247,7 @@ def _run(report: Reporter, debug: bool, work: Callable[[], RunResult], name: str
         with contextlib.suppress(BrokenPipeError):  # as by `| head`: everything is written, and the reader has enough
             report.result(done, conclusion(name, done))
         _flush_or_drop()
-        return 0
+        return done.exit_code
     except SlopeWatchError as known:
         error = known
     except ParameterError as wrong:

@@ -48,7 +48,7 @@ def cli() -> None:
     """Change and hazards of road slopes from UAV LiDAR surveys.
 
     Lengths are in metres. Exit codes: 0 all outputs were written and checked, 2 something given cannot be used,
-    1 internal failure, 130 cancelled.
+    3 some slopes of a batch failed, 1 internal failure, 130 cancelled.
     """
 
 

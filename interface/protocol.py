@@ -14,6 +14,8 @@ DONE = 0
 INTERNAL_FAILURE = 1
 INPUT_REFUSED = 2
 """Something given cannot be used; the message says what, and the remedy."""
+SOME_FAILED = 3
+"""The results of a batch exist, but some of its slopes have none."""
 CANCELLED = 130
 
 TASK_VARIABLE = "SLOPEWATCH_TASK"

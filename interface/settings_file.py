@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .input_files import SETTINGS, TOML_SETTINGS, MissingFileError, UnusableFileError, read_input
 from .parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification, command_sets
 
 if sys.version_info >= (3, 11):
     import tomllib
 
-MAX_BYTES = 64_000_000
+_MAX_VALUES = 1_000_000
+_MAX_KEY_DOTS = 20
+_DOTTED = re.compile(rf"""(?:[\w"'-]+[ \t]*\.[ \t]*){{{_MAX_KEY_DOTS}}}""")
 _SHOWN = 300  # characters of a value in a sentence
 _NOT_TAKEN = {s.name for s in OutputParameters.specifications()}
 _REMEDY = "give a run.json, or a JSON or TOML file of settings"
@@ -99,16 +103,15 @@ def _of_record(path: Path, record: Mapping[str, Any], groups: Sequence[type[Para
 def _content(path: Path) -> dict[str, Any]:
     kind = "TOML" if path.suffix.lower() == ".toml" else "JSON"
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ParameterError(f"{path} is too large for a file of settings; {_REMEDY}")
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
+        text = read_input(path, TOML_SETTINGS if kind == "TOML" else SETTINGS).decode("utf-8-sig")
+    except MissingFileError:
         raise ParameterError(f"{path} does not exist; {_REMEDY}") from None
-    except (OSError, ValueError) as error:
-        why = (error.strerror or "") if isinstance(error, OSError) else "its text is not UTF-8"
-        raise ParameterError(f"{path} cannot be read as settings ({why}); {_REMEDY}") from None
+    except UnusableFileError as error:
+        raise ParameterError(str(error).rstrip(".")) from None
+    except ValueError:
+        raise ParameterError(f"{path} cannot be read as settings (its text is not UTF-8); {_REMEDY}") from None
     try:
-        content = _toml(path, text) if kind == "TOML" else json.loads(text)
+        content = _toml(path, text) if kind == "TOML" else _json(text)
     except ParameterError:
         raise
     except (ValueError, RecursionError) as error:
@@ -120,9 +123,17 @@ def _content(path: Path) -> dict[str, Any]:
 
 
 def _toml(path: Path, text: str) -> dict[str, Any]:
+    if _DOTTED.search(text):  # the parser takes memory by the square of the dots
+        raise ValueError(f"a name has more than {_MAX_KEY_DOTS} dots")
     if sys.version_info >= (3, 11):
         return tomllib.loads(text)
     raise ParameterError(f"{path} is TOML, which needs Python 3.11 or later; give the settings as JSON")
+
+
+def _json(text: str) -> Any:
+    if sum(text.count(sign) for sign in "[{,:") > _MAX_VALUES:
+        raise ValueError("it holds too many values")
+    return json.loads(text)
 
 
 def _by_name(groups: Sequence[type[ParameterSet]]) -> dict[str, Specification]:

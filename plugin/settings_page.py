@@ -36,7 +36,7 @@ class SettingsPage(QgsOptionsPageWidget):
             tr(
                 "SlopeWatch runs in its own Python environment, outside QGIS. Leave the fields empty to use what the "
                 "set-up built (SlopeWatch > Set up engine…) and the PDAL that it finds; the environment variables "
-                "SLOPEWATCH_PYTHON, SLOPEWATCH_DATA and SLOPEWATCH_PDAL take precedence."
+                "SLOPEWATCH_PYTHON and SLOPEWATCH_DATA take precedence."
             )
         )
         intro.setWordWrap(True)

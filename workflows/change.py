@@ -13,7 +13,7 @@ from ..engine.core.run_result import RunResult
 from ..engine.epochs.comparability import refuse_other_heights, require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import check_pair
-from ..engine.geometry.rigid_transform import RigidTransform, registration_error, registration_facts
+from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.header import preflight
@@ -23,6 +23,7 @@ from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
 from .early_memory import refuse_grid_early
+from .known_registration import KnownRegistration, given_registration
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .movement import Surveys, moved_zones_of
@@ -58,31 +59,32 @@ def change_step(
     run = Run("change", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", *CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS), overwrite=overwrite)
     run.read_reviews(output_dir, ("zones.gpkg",))
-    transform = _loaded(run, transform_path)
+    registered = given_registration(transform_path)
     hashes = run.hash_inputs()[:2]
+    registered = registered.or_recorded(moving, hashes, progress)
+    _record(run, registered)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     require_comparable(reference, moving, settings.inputs)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
-    if transform is None and settings.surface.ground != "class_2":
+    if registered.to_apply is None and settings.surface.ground != "class_2":
         refuse_grid_early((reference, moving), settings.inputs, settings.change, None)
     crs = open_cloud(reference, settings.inputs)[1].crs
     lines = given_lines(profiles, crs, settings.report.profile_field, progress)
     run.related = layers_on_cloud(layers, (settings.road, settings.assets), reference, settings.inputs, progress)
     with run.writing(output_dir, report=True):
         with cancellation.temporary(run.stage.folder / SPOOL) as spool:
-            first, second, picture = _read(run, (reference, moving), transform, settings, spool)
-            change = _difference(run, (first, second), settings, transform_path, stable)
+            first, second, picture = _read(run, (reference, moving), registered.to_apply, settings, spool)
+            change = _difference(run, (first, second), settings, registered, stable)
             context = Context(
                 first=epochs[0],
                 second=epochs[1],
                 crs=first.crs,
-                transform=transform,
+                transform=registered.transform,
                 input_hashes=hashes,
                 method=method_name(settings.change, change.direction),
                 run_id=run.run_id(hashes),
             )
-            covariance = run.facts.get("registration", {}).get("covariance")
-            surveys = Surveys(first, second, covariance, None if transform is None else transform.centre)
+            surveys = Surveys(first, second, registered.facts.get("covariance"), registered.centre)
             zones = moved_zones_of(run, change, surveys, context, settings)
         del first, second, surveys
         with run.step("products", 0.5, 0.99, "writing outputs"):
@@ -94,13 +96,10 @@ def change_step(
     return run.result()
 
 
-def _loaded(run: Run, path: Path | None) -> RigidTransform | None:
-    if path is None:
-        return None
-    transform = RigidTransform.load(path)
-    run.facts["transform"] = transform.matrix
-    run.facts["registration"] = registration_facts(path)
-    return transform
+def _record(run: Run, registered: KnownRegistration) -> None:
+    if registered.transform is not None:
+        run.facts["transform"] = registered.transform.matrix
+        run.facts["registration"] = dict(registered.facts)
 
 
 def _read(
@@ -132,11 +131,11 @@ def _difference(
     run: Run,
     clouds: tuple[Cloud, Cloud],
     settings: Settings,
-    transform_path: Path | None,
+    registered: KnownRegistration,
     stable: Path | None,
 ) -> Change:
     with run.step("change", 0.3, 0.5, "differencing"):
-        error = registration_error(transform_path)
+        error = registered.error
         areas = Areas(stable=stable_area(stable, clouds[0].crs, run.progress))
         change = compare_pair(*clouds, settings.change, areas, error or 0.0, run.progress)
         if error is None and settings.change.registration_error == AUTO:

@@ -20,7 +20,7 @@ from ..engine.displacement.status import REASONS, Status
 from ..engine.epochs.comparability import refuse_other_heights, require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import check_pair
-from ..engine.geometry.rigid_transform import RigidTransform, registration_error, registration_facts
+from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.pointcloud.cloud import PointCloud
@@ -29,6 +29,7 @@ from ..engine.pointcloud.reading import read_cloud
 from ..engine.report.compose import REPORT
 from ..engine.report.motion_facts import doubts, motion_facts, refused
 from ..interface.parameters import given
+from .known_registration import KnownRegistration, given_registration
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .motion_memory import MotionMemory, measurable, refuse_motion_early
@@ -70,20 +71,23 @@ def displacement_step(
     run = Run("displacement", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", REPORT, *DISPLACEMENT_OUTPUTS), overwrite=overwrite)
     check_pair(*epochs)
-    transform = RigidTransform.load(transform_path) if transform_path else None
+    known = given_registration(transform_path)
     require_comparable(reference, moving, settings.inputs)
     memory = MotionMemory.of(settings.motion_memory.memory_limit)
     refuse_motion_early((reference, moving), memory)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
     hashes = run.hash_inputs()[:2]
+    known = known.or_recorded(moving, hashes, progress)
+    if known.transform is not None:
+        run.facts["transform"] = known.transform.matrix
     run.related = layers_on_cloud(layers, (settings.road, None), reference, settings.inputs, progress)
     with (
         run.writing(output_dir, report=True) as stage,
         cancellation.temporary(stage.folder / SPOOL) as spool,
     ):
-        first, second = _read(run, spool, (reference, moving), settings, transform)
-        registered = _registered(run, settings, transform_path)
+        first, second = _read(run, spool, (reference, moving), settings, known.to_apply)
+        registered = _registered(run, settings, known)
         places = stable_places(stable, first.crs, progress)
         with run.step("displacement", 0.2, 0.95, "measuring motion along the surface") as entry:
             with measurable((first, second), memory, settings.displacement.spacing) as ground:
@@ -93,7 +97,7 @@ def displacement_step(
             entry["windows"] = len(found.cell)
         tags = geotiff.raster_tags(
             epochs=(epochs[0].date, epochs[1].date),
-            translation=None if transform is None else transform.translation,
+            translation=None if known.transform is None else known.transform.translation,
             software=f"SlopeWatch {VERSION}",
             input_sha256=" ".join(hashes),
         )
@@ -131,8 +135,6 @@ def _read(
                 "The surveys stay on the disk and are measured in parts, which gives the same results; --memory-limit "
                 "says how much memory they may take."
             )
-        if transform is not None:
-            run.facts["transform"] = transform.matrix
         limit = max(_LEAST_REFUSED_OFFSET_M, settings.displacement.largest_motion)
         refuse_other_heights(clouds[0], clouds[1], limit)
     return clouds
@@ -146,13 +148,12 @@ def _held(
     return first, second if transform is None else replace(second, xyz=transform.apply(second.xyz))
 
 
-def _registered(run: Run, settings: DisplacementSettings, path: Path | None) -> Registered:
-    """The registration's error: as given, else as the transform states it, else none with a warning."""
+def _registered(run: Run, settings: DisplacementSettings, known: KnownRegistration) -> Registered:
+    """The registration's error: as given, else as it is known, else none with a warning."""
     stated = given(settings.displacement.surface_error)
-    height = registration_error(path)
     if stated is not None:
-        return Registered.shift(stated, height or stated)
-    facts = {} if path is None else registration_facts(path)
+        return Registered.shift(stated, known.error or stated)
+    facts = dict(known.facts)
     run.facts["registration"] = facts
     for direction in facts.get("unobservable") or ():
         run.progress.warning(
@@ -160,9 +161,9 @@ def _registered(run: Run, settings: DisplacementSettings, path: Path | None) -> 
             "error of the registration; the vectors' errors hold it."
         )
     covariance = facts.get("covariance")
-    if path is not None and covariance is not None:
-        centre = RigidTransform.load(path).centre
-        return Registered(np.array(covariance, dtype=np.float64), np.asarray(centre), known=True)
+    if known.transform is not None and covariance is not None:
+        centre = np.asarray(known.transform.centre)
+        return Registered(np.array(covariance, dtype=np.float64), centre, known=True)
     run.progress.warning(
         "The registration's error along the surface is not known here and taken as 0, so that the errors are those of "
         "the relief alone; give the transform of the registration, or --surface-error."

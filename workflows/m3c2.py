@@ -23,7 +23,7 @@ from ..engine.core.version import VERSION
 from ..engine.epochs.comparability import require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
-from ..engine.geometry.rigid_transform import RigidTransform, registration_error
+from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.m3c2.distances import Distances
@@ -34,6 +34,7 @@ from ..engine.m3c2.surveys import Survey
 from ..engine.pointcloud.reading import open_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
 from ..interface.parameters import AUTO, DistanceParameters, given
+from .known_registration import KnownRegistration, given_registration
 from .m3c2_clouds import Cores, choose_cores, read_clouds, refuse_memory_early
 from .pair import SPOOL, dated_pair, stable_area
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
@@ -95,17 +96,18 @@ def m3c2_step(
     run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in raster_files)])
     _check_given(parameters, core, stable, progress)
     check_pair(*epochs)
-    transform = RigidTransform.load(transform_path) if transform_path else None
+    registered = given_registration(transform_path)
     _refuse_clouds(run, epochs, core, settings)
     hashes = run.hash_inputs()[:2]
-    if transform is not None:
-        run.facts["transform"] = transform.matrix
-    error = _registration_error(parameters, transform_path, progress)
+    registered = registered.or_recorded(moving, hashes, progress)
+    if registered.transform is not None:
+        run.facts["transform"] = registered.transform.matrix
+    error = _registration_error(parameters, registered, progress)
     with (
         run.writing(folder, record_name=record_name, others=[raster_dir]) as stage,
         cancellation.temporary(stage.folder / SPOOL) as spool,
     ):
-        clouds = read_clouds(run, spool, (reference, moving), settings, transform)
+        clouds = read_clouds(run, spool, (reference, moving), settings, registered.to_apply)
         scales = _scales(run, clouds.surveys, parameters)
         with run.step("distances", 0.35, 0.85, "measuring") as entry:
             cores, scales = choose_cores(clouds, reference, core, scales, settings, progress)
@@ -117,7 +119,7 @@ def m3c2_step(
         with run.step("write", 0.85, 1.0, "writing"):
             copied = stage.path(output.name)
             copy_with(cores.path, copied, settings.inputs, keep=cores.keep, dimensions=dimensions(found))
-            tags = _tags(epochs, found, transform, hashes)
+            tags = _tags(epochs, found, registered.transform, hashes)
             cell = given(parameters.distance_cell) or scales.core_spacing
             run.outputs["points"] = stage.final(output.name)
             run.outputs |= write_rasters(found, cell, clouds.crs, tags, 0.0, run.stage_in(raster_dir))
@@ -191,11 +193,11 @@ def parse_direction(text: str) -> Float:
     return direction
 
 
-def _registration_error(parameters: DistanceParameters, transform_path: Path | None, progress: Progress) -> float:
+def _registration_error(parameters: DistanceParameters, registered: KnownRegistration, progress: Progress) -> float:
     stated = given(parameters.registration_error)
     if stated is not None:
         return stated
-    known = registration_error(transform_path)
+    known = registered.error
     if known is None:
         progress.warning(
             "The registration's error is not known here and taken as 0, so the level of detection covers the scatter "

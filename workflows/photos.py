@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing
@@ -11,9 +10,11 @@ from pathlib import Path
 
 from ..engine.core.cancellation import uninterrupted
 from ..engine.core.errors import InputError
+from ..engine.core.input_files import read_input
 from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
 from ..engine.report.embedding import photo
+from ..interface.input_files import PHOTO as PICTURE_FILE
 from ..interface.reviews import PHOTO
 
 FOLDER = "photos"
@@ -95,14 +96,14 @@ def _ids(path: Path) -> list[str]:
 def _copied(picture: Path, folder: Path, zone: str) -> str:
     """Path of the copy from the output folder; another file of that name is kept."""
     folder.mkdir(exist_ok=True)
-    content = picture.read_bytes()
+    content = read_input(picture, PICTURE_FILE)
     number = 1
     while True:
         target = folder / f"{zone}{'' if number == 1 else f'_{number}'}{picture.suffix.lower()}"
         if not target.exists():
-            shutil.copyfile(picture, target)
+            target.write_bytes(content)
             break
-        if target.read_bytes() == content:
+        if target.is_file() and target.read_bytes() == content:
             break
         number += 1
     return f"{FOLDER}/{target.name}"

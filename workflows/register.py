@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..engine.core import cancellation
+from ..engine.core.checksums import sha256
 from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
@@ -19,6 +20,7 @@ from ..engine.pointcloud.header import preflight
 from ..engine.pointcloud.in_parts import CloudFile
 from ..engine.pointcloud.moving import copy_moved
 from ..engine.pointcloud.reading import open_cloud, read_cloud
+from .known_registration import ALIGNED_SHA256
 from .pair import SPOOL, Cloud, ground_of, ground_on_disk, is_large, register_pair
 from .run import Run, record_name_of
 from .settings import Settings, groups
@@ -64,6 +66,9 @@ def register_step(
         with run.step("write", 0.8, 1.0, "writing"):
             copy_moved(moving, stage.path(output.name), transform, settings.inputs)
         run.facts["transform"] = transform.matrix
+        run.facts[ALIGNED_SHA256] = sha256(stage.path(output.name))
+        if stated:
+            run.facts["registration"] = stated | {"centre": transform.centre}
         run.outputs |= {"aligned": stage.final(output.name), "run": run.record_path}
         if transform_path is not None:
             directory = run.stage_in(transform_path.absolute().parent)

@@ -12,6 +12,7 @@ import numpy as np
 from pyproj import CRS
 
 from ..engine.core.errors import InputError
+from ..engine.core.input_files import refuse_unusable
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_record import RunRecord
@@ -55,6 +56,7 @@ def report_step(
         InputError: the folder holds no run that has a report, the lines cannot be used, or the details do not fit.
     """
     folder = Path(folder).absolute()
+    refuse_unusable([("profiles", profiles)])
     record = read_record(folder)
     changed = _take_details(record, details)
     if profiles is not None and not record.get("epochs"):

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..engine.core.errors import InputError
+from ..engine.core.input_files import read_input
 from ..engine.core.json_shapes import anything, fields, number, parse_json, rows, table, text
 from ..engine.core.messages import shown as in_message
 from ..engine.core.part_folders import settle
@@ -23,6 +24,7 @@ from ..engine.report.record_shape import inside
 from ..engine.report.signed.details import FLIGHT, details_of
 from ..engine.report.signed.typesetting import refuse_without_means
 from ..engine.vector.geopackage import read_layer
+from ..interface.input_files import RECORD
 from ..interface.parameters import DetailParameters, ReportParameters
 from .batch.alert_events import open_of
 from .batch.corridor_plan import read_record
@@ -187,9 +189,9 @@ def _result(folder: Path, row: Mapping[str, Any]) -> SlopeResult:
     if not report.is_file():
         return alone
     try:
-        record = parse_json((report.parent / "run.json").read_bytes())
+        record = parse_json(read_input(report.parent / "run.json", RECORD))
         _SLOPE(record, "")
-    except (OSError, ValueError):
+    except (InputError, ValueError):
         return alone
     outputs = {str(name): report.parent / str(path) for name, path in record["outputs"].items()}
     return SlopeResult(str(row["slope"]), report.parent, record, outputs)

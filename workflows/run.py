@@ -24,6 +24,8 @@ from pathlib import Path
 from typing import Any
 
 from ..engine.core.earlier_results import refuse_results
+from ..engine.core.errors import InputError
+from ..engine.core.input_files import refuse_odd_outputs, refuse_unusable
 from ..engine.core.json_values import plain
 from ..engine.core.part_folders import settle, settle_around
 from ..engine.core.progress import Progress
@@ -31,17 +33,20 @@ from ..engine.core.run_record import RunRecord
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import Stage, refuse_inputs_as_outputs, staged_outputs
 from ..engine.pointcloud.clipping import CLIPPED_BY
+from ..engine.pointcloud.coordinate_step import coordinate_step, judge_steps
 from ..engine.pointcloud.pdal_program import Pdal, find_pdal
 from ..engine.report.compose import REPORT, read_record, write_report
 from ..engine.report.signed.details import details_of
 from ..engine.report.signed.typesetting import refuse_without_means
 from ..engine.report.signed.write import PDF, write_pdf
 from ..engine.zones.earlier_reviews import NOT_CARRIED, EarlierReviews
-from ..interface.parameters import DetailParameters, ParameterSet
+from ..interface.parameters import DetailParameters, InputParameters, ParameterSet
 from ..interface.protocol import TASK_VARIABLE
 from .layers import Related
 
 _DETAILS = DetailParameters.record_name
+_SURVEYS = ("cloud", "reference", "moving")
+"""Roles of inputs that are measured, besides the epochs."""
 
 
 class Run:
@@ -74,6 +79,8 @@ class Run:
         self.facts = self.record.facts
         if os.environ.get(TASK_VARIABLE):
             self.facts["task"] = os.environ[TASK_VARIABLE]
+        reading = parameters.get(InputParameters.record_name)
+        self._reading = reading if isinstance(reading, InputParameters) else None
         self.outputs: dict[str, Path] = {}
         self.figures: dict[str, Any] = {}
         self.reviews: EarlierReviews | None = None
@@ -87,11 +94,14 @@ class Run:
     def refuse_outputs(self, outputs: Iterable[Path], *, also: Iterable[Path] = ()) -> None:
         """Raise InputError if an output is an input, one of the run's or of ``also``, or two outputs are one file.
 
+        Before that, if an input is no file that its kind can be, or an output is a pipe or a device.
         What killed runs left in the outputs' folders is undone first (see ``settle``).
         """
         outputs = list(outputs)
         for folder in {output.absolute().parent for output in outputs}:
             settle(folder)
+        refuse_unusable([*self.inputs, *(("", path) for path in also)])
+        refuse_odd_outputs(outputs)
         refuse_inputs_as_outputs(outputs, [*(path for _, path in self.inputs if path is not None), *also])
 
     def refuse_folder(self, folder: Path, names: Sequence[str], *, overwrite: bool, also: Iterable[Path] = ()) -> None:
@@ -124,13 +134,31 @@ class Run:
         """Put the inputs into the record; their SHA-256 in order, empty for one that was not given.
 
         Raises:
-            InputError: one does not exist or cannot be read; or a report to sign is wanted that cannot be made.
+            InputError: one does not exist or cannot be read; the coordinates of a survey are too coarse; or a report
+                to sign is wanted that cannot be made.
         """
         if self._to_be_signed:
             refuse_without_means()
             surveys = [role for role, path in self.inputs if role.startswith("epoch ") and path is not None]
             details_of({"parameters": self.record.parameters}, surveys)
-        return tuple("" if path is None else self.record.add_input(role, path) for role, path in self.inputs)
+        hashes = tuple("" if path is None else self.record.add_input(role, path) for role, path in self.inputs)
+        for role, path in self.inputs:
+            if path is not None and (role in _SURVEYS or role.startswith("epoch ")):
+                self._check_steps(role, path)
+        return hashes
+
+    def _check_steps(self, role: str, path: Path) -> None:
+        """Put the step of a survey's coordinates into the record.
+
+        Raises:
+            InputError: it is too coarse.
+        """
+        try:
+            steps = coordinate_step(path, self._reading)
+        except InputError:  # what is wrong with the file itself is said where it is read
+            return
+        self.facts.setdefault("coordinate_step_m", {})[role] = steps
+        judge_steps(path, steps, self.progress)
 
     def run_id(self, hashes: tuple[str, ...] | str) -> str:
         """12 hexadecimal digits that stand for the clouds of these SHA-256 and for the parameters."""

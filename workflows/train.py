@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..engine.core.errors import InputError
+from ..engine.core.input_files import refuse_unusable
 from ..engine.core.part_folders import settle
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
@@ -62,6 +63,9 @@ def train_step(
         InputError: torch or the graphics card is missing; the start weights cannot be used; see ``read_own_clouds``;
             the output folder holds another training or cannot be written.
     """
+    files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
+    start_file = None if parameters.start in SHIPPED_OR_NONE else Path(parameters.start)
+    refuse_unusable([*files, ("weights", start_file)])  # before torch is loaded
     require_libraries("Training")
     import torch
 
@@ -76,7 +80,6 @@ def train_step(
         torch.set_num_threads(int(threads))
     start = start_weights(parameters)
     tune: Any = fine_tune_relief if trained_method(parameters) == "relief" else fine_tune
-    files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
     run = Run("train", {p.record_name: p for p in (inputs, parameters)}, files, progress)
     first = start.path if start else None
     run.refuse_folder(output_dir, [*NAMES.values()], overwrite=overwrite, also=[first] if first else [])

@@ -20,6 +20,10 @@ from .temporary_folders import unnamed_file
 _LAUNCHER = Path(__file__).with_name("child_launcher.py")
 
 
+class ChildTimeout(EngineError):
+    """A program took longer than it may."""
+
+
 @dataclass(frozen=True)
 class ChildResult:
     """How a child ended; ``returncode`` is negative for a signal."""
@@ -35,6 +39,7 @@ def run_child(
     *,
     stdin: bytes = b"",
     memory_limit: int | None = None,
+    time_limit_s: float | None = None,
     environment: Mapping[str, str] | None = None,
     directory: Path | None = None,
     each_line: Callable[[bytes], None] | None = None,
@@ -45,12 +50,14 @@ def run_child(
         arguments: program and its arguments, no shell.
         stdin: what it reads.
         memory_limit: bytes of address space it may take (POSIX only).
+        time_limit_s: seconds after which it is ended; not together with ``each_line``.
         environment: its whole environment; the own one by default.
         directory: where it runs; the own one by default.
         each_line: called with each line of its standard output, as soon as that is there.
 
     Raises:
         Cancelled: the command is being cancelled.
+        ChildTimeout: it did not end within its time.
         EngineError: the program cannot be started.
         InputError: the temporary folder is full.
     """
@@ -76,7 +83,11 @@ def run_child(
             raise EngineError(f"{os.fspath(arguments[0])} cannot be started ({error.strerror})") from error
         _children.add(child)
     try:
-        out, err = child.communicate() if each_line is None else _followed(child, each_line)
+        out, err = child.communicate(timeout=time_limit_s) if each_line is None else _followed(child, each_line)
+    except subprocess.TimeoutExpired as error:
+        _end(child)
+        child.wait()
+        raise ChildTimeout(f"{os.fspath(arguments[0])} did not end within {time_limit_s:.0f} s") from error
     finally:
         with _lock:
             _children.discard(child)

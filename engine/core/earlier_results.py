@@ -7,8 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from ...interface.input_files import RECORD
 from ...interface.parameters import AUTO, DetailParameters
 from .errors import InputError
+from .input_files import read_input
 from .json_shapes import anything, fields, parse_json, rows, table, text
 from .json_values import plain
 from .run_record import RunRecord
@@ -39,9 +41,9 @@ def refuse_results(folder: Path, names: Iterable[str], *, overwrite: bool = Fals
 def earlier_series(folder: Path) -> dict[str, Any] | None:
     """The run record of the series that ``folder`` holds; None if it holds none."""
     try:
-        record = parse_json((Path(folder) / "run.json").read_bytes())
+        record = parse_json(read_input(Path(folder) / "run.json", RECORD))
         _SERIES(record, "")
-    except (OSError, ValueError):
+    except (InputError, ValueError):
         return None
     return dict(record) if record["command"] == "series" else None
 

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from ...interface.protocol import CANCELLED, INPUT_REFUSED, INTERNAL_FAILURE
+from .messages import of_final_files
 
 
 class SlopeWatchError(Exception):
-    """Base of every error that SlopeWatch raises on purpose. ``exit_code`` is the program's."""
+    """Base of every error that SlopeWatch raises on purpose. ``exit_code`` is the program's.
+
+    The message names files as the user knows them, see ``of_final_files``.
+    """
 
     exit_code = INTERNAL_FAILURE
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(of_final_files(message))
 
 
 class InputError(SlopeWatchError):

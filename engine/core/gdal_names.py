@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from .input_files import check_layer
 from .temporary_folders import temporary_folder
 
 
@@ -17,7 +18,12 @@ def misread(path: Path) -> bool:
 
 @contextlib.contextmanager
 def readable(path: Path) -> Iterator[Path]:
-    """``path``, or where it would be misread a link to it, with links to its sidecars next to it."""
+    """A vector file for GDAL: ``path``, or where it would be misread a link to it, with links to its sidecars.
+
+    Raises:
+        InputError: it is no file that GDAL may open, see ``input_files.check_layer``.
+    """
+    check_layer(path)
     path = path.absolute()
     if not misread(path):
         yield path

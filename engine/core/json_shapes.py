@@ -13,13 +13,17 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from ...interface.input_files import RECORD, InputKind
 from .errors import InputError
+from .input_files import read_input
 from .messages import shown
 
 LARGEST = 1e15
 """Of numbers: sums, squares and axes of them stay finite, and whole ones are exact as floating point numbers."""
-MAX_FILE_B = 256_000_000
 _MAX_NUMBER_DIGITS = 400
+_MAX_HELD_B = 300_000_000
+_HELD_B = {b"{": 250, b"[": 64, b":": 150, b",": 32}
+"""Bytes of memory that what follows such a sign takes at most in CPython, beside its text."""
 
 Shape = Callable[[Any, str], None]
 
@@ -34,7 +38,7 @@ class MisfitError(ValueError):
 _DAY_LETTERS = len("YYYY-MM-DD")
 
 
-def read_json(path: Path, shape: Shape, sentence: str) -> Any:
+def read_json(path: Path, shape: Shape, sentence: str, kind: InputKind = RECORD) -> Any:
     """The document in a JSON file.
 
     Args:
@@ -44,14 +48,10 @@ def read_json(path: Path, shape: Shape, sentence: str) -> Any:
         FileNotFoundError: there is no such file; what that means, the caller knows.
         InputError: it cannot be read, is no JSON in UTF-8, or its shape is another.
     """
-    path = Path(path)
+    content = read_input(path, kind)
     try:
-        document = parse_json(path.read_bytes() if path.stat().st_size <= MAX_FILE_B else b"")
+        document = parse_json(content)
         shape(document, "")
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise InputError(sentence.format(path=shown(path), why=error.strerror)) from error
     except ValueError as error:
         raise InputError(sentence.format(path=shown(path), why=error)) from error
     return document
@@ -61,10 +61,13 @@ def parse_json(data: bytes) -> Any:
     """The document in the bytes of a JSON file.
 
     Raises:
-        ValueError: they are no JSON in UTF-8, or lists are nested too deep, or a number is none.
+        ValueError: they are no JSON in UTF-8, hold more values than memory should, lists are nested too deep, or a
+            number is none.
     """
     if not data:
-        raise ValueError("it is empty or too large")
+        raise ValueError("it is empty")
+    if sum(data.count(sign) * size for sign, size in _HELD_B.items()) > _MAX_HELD_B:
+        raise ValueError("it holds too many values")
     try:
         return json.loads(data.decode("utf-8"), parse_constant=_no_number, parse_int=_whole)
     except RecursionError:

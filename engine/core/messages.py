@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 _MAX_VALUE_CHARACTERS = 80
+_PART_FOLDER = re.compile(r"\.slopewatch-part-[^/\\\s]+[/\\]")
+_PART_FILE = re.compile(r"\.([^/\\\n]+?)\.\d+\.part(\.\w+)")
 
 
 def shown(path: Path | str) -> str:
     """The name for a message of one line: control characters escaped, in quotes."""
     return f"'{one_line(str(path))}'"
+
+
+def of_final_files(text: str) -> str:
+    """``text`` with the names of unfinished files and hidden folders replaced by those that the files will have."""
+    return _PART_FILE.sub(r"\1\2", _PART_FOLDER.sub("", text))
 
 
 def one_line(text: str) -> str:

@@ -6,6 +6,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from .messages import of_final_files
+
 
 class Progress:
     """Receives progress and messages; steps take one and never print themselves.
@@ -45,6 +47,7 @@ class Progress:
 
     def warning(self, message: str) -> None:
         """Something the user should know; shown once and kept for the run record."""
+        message = of_final_files(message)
         if message not in self.warnings:
             self.warnings.append(message)
             self.show("warning", message)

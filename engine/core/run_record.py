@@ -20,6 +20,7 @@ from ...interface.parameters import ParameterSet
 from . import child_process
 from .checksums import sha256
 from .errors import InputError
+from .input_files import parts_of
 from .json_values import plain
 from .version import VERSION
 
@@ -62,11 +63,11 @@ class RunRecord:
             InputError: it does not exist or cannot be read.
         """
         try:
-            files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-            size = sum(p.stat().st_size for p in files)
+            files = parts_of(path)
             digest = sha256(*files)
-        except FileNotFoundError as error:
-            raise InputError(f"{path} does not exist; check the path.") from error
+            size = sum(p.stat().st_size for p in files)
+        except InputError:
+            raise
         except OSError as error:
             raise InputError(f"{path} cannot be read ({error.strerror}); check its permissions.") from error
         self.inputs.append({"role": role, "path": str(path), "bytes": size, "sha256": digest})

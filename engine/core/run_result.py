@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...interface.protocol import DONE
+
 
 @dataclass(frozen=True)
 class RunResult:
@@ -22,9 +24,12 @@ class RunResult:
         What the user should know, one sentence each.
     conclusion : tuple of str
         What was found, in a few sentences, where the command says it itself; else it is made of the figures.
+    exit_code : int
+        Of the command that ends with this result: ``DONE`` or ``SOME_FAILED``.
     """
 
     outputs: Mapping[str, Path]
     figures: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     conclusion: tuple[str, ...] = ()
+    exit_code: int = DONE

@@ -11,8 +11,10 @@ from itertools import pairwise
 from pathlib import Path
 
 from ...interface.dates import date_in_name
+from ...interface.input_files import TABLE
 from ..core.checksums import sha256
 from ..core.errors import InputError
+from ..core.input_files import read_input
 from ..core.messages import shown
 from .epoch import Epoch, parse_date
 
@@ -21,7 +23,7 @@ COLUMNS = ("date", "path")
 _NO_TEXT = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
 """Characters that no text holds, and that XML, such as QGIS's styles, cannot hold."""
 _SHOWN = 300  # characters of a name
-_MAX_TABLE_B = 50_000_000
+_MAX_CELLS = 2_000_000
 
 
 def epochs_of(source: Path) -> tuple[Epoch, ...]:
@@ -112,15 +114,15 @@ def read_table(path: Path, what: str) -> list[tuple[int, list[str]]]:
         InputError: it cannot be read as text in UTF-8.
     """
     try:
-        if path.exists() and (not path.is_file() or path.stat().st_size > _MAX_TABLE_B):
-            raise InputError(f"The {what} {shown(path)} cannot be read (it is no file of a table's size); give CSV.")
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_input(path, TABLE).decode("utf-8-sig")
         if _NO_TEXT.search(text):
             raise ValueError
-    except OSError as error:
-        raise InputError(f"The {what} {shown(path)} cannot be read ({error.strerror}); check the path.") from error
     except ValueError as error:
         raise InputError(f"The {what} {shown(path)} is no text in UTF-8; save it as CSV in UTF-8.") from error
+    if sum(map(text.count, ",;\n\r")) > _MAX_CELLS:
+        raise InputError(
+            f"The {what} {shown(path)} has more than {_MAX_CELLS:,} cells; check that it is the right one."
+        )
     first = text.partition("\n")[0]
     reader = csv.reader(io.StringIO(text), delimiter=";" if first.count(";") > first.count(",") else ",")
     try:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import csv
 import math
+from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 
+from ...interface.input_files import TRAJECTORY
 from ..core.arrays import Float, Index
 from ..core.errors import InputError
+from ..core.input_files import open_input
 from ..core.messages import shown
 
 STRIP_PAUSE_S = 5.0
@@ -21,6 +26,7 @@ _MAX_MISFIT = 0.02  # of the returns of a strip to beams from its places, as a s
 _MIN_SIGNED_DEG = 2.0  # to each side that angles across the flight reach
 _TURNS = 3  # of fitting, as the direction of flight and the places follow from one another
 _COLUMNS = ("time", "x", "y", "z")
+_MAX_LINES = 3_000_000  # four hours at 200 Hz
 _MAX_WAY_M = 1e6  # of a trajectory in plan; a longer one has places in other units or of another system
 
 
@@ -40,26 +46,10 @@ def read_trajectory(path: Path) -> Track:
             apart than any aircraft flies.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = list(csv.reader(stream))
+        with TextIOWrapper(open_input(path, TRAJECTORY), encoding="utf-8-sig", newline="") as stream:
+            table = _table(csv.reader(stream), shown(path))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{shown(path)} cannot be read as a CSV file of a trajectory; give one in UTF-8.") from error
-    names = [name.strip().lower() for name in rows[0]] if rows else []
-    missing = [name for name in _COLUMNS if name not in names]
-    if missing:
-        raise InputError(
-            f"{shown(path)} has no column {missing[0]}; a trajectory has a heading with the columns time, x, y and z."
-        )
-    places = [names.index(name) for name in _COLUMNS]
-    values = []
-    for number, row in enumerate(rows[1:], 2):
-        if not any(cell.strip() for cell in row):
-            continue
-        try:
-            values.append([float(row[place]) for place in places])
-        except (ValueError, IndexError) as error:
-            raise InputError(f"Line {number} of {shown(path)} holds no four numbers; correct or remove it.") from error
-    table = np.array(values, dtype=np.float64).reshape(-1, 4)
     if len(table) < 2 or not np.isfinite(table).all():
         raise InputError(f"{shown(path)} holds {len(table)} places, and a trajectory needs two or more finite ones.")
     table = table[np.argsort(table[:, 0], kind="stable")]
@@ -71,6 +61,28 @@ def read_trajectory(path: Path) -> Track:
             f"system, at most {_MAX_WAY_M / 1e3:,.0f} km in all."
         )
     return Track(table[:, 1:], table[:, 0])
+
+
+def _table(rows: Iterator[list[str]], name: str) -> Float:
+    """Time, x, y and z (n, 4) of the lines, in their order."""
+    names = [column.strip().lower() for column in next(rows, [])]
+    missing = [column for column in _COLUMNS if column not in names]
+    if missing:
+        raise InputError(
+            f"{name} has no column {missing[0]}; a trajectory has a heading with the columns time, x, y and z."
+        )
+    places = [names.index(column) for column in _COLUMNS]
+    values = array("d")
+    for number, row in enumerate(rows, 2):
+        if number > _MAX_LINES:
+            raise InputError(f"{name} has more than {_MAX_LINES:,} lines; give places at 200 Hz or less.")
+        if not any(cell.strip() for cell in row):
+            continue
+        try:
+            values.extend([float(row[place]) for place in places])
+        except (ValueError, IndexError) as error:
+            raise InputError(f"Line {number} of {name} holds no four numbers; correct or remove it.") from error
+    return np.array(values, dtype=np.float64).reshape(-1, 4)
 
 
 def strips_of(source: Index, seconds: Float | None) -> Index:

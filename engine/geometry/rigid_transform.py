@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from pyproj import CRS
 
+from ...interface.input_files import TRANSFORM
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.json_shapes import fields, maybe, number, read_json, rows, text
@@ -187,16 +188,6 @@ class BentTransform(RigidTransform):
         return {"pieces": self.correction.facts() | {"order": _BEFORE if self.inverted else _AFTER}}
 
 
-def registration_error(transform_path: Path | None) -> float | None:
-    """Standard error of the registration in height (m), where the transform's file states it."""
-    if transform_path is None:
-        return None
-    known = registration_facts(transform_path).get("registration_error_m")
-    if isinstance(known, (int, float)) and math.isfinite(known) and known >= 0:
-        return float(known)
-    return None
-
-
 def registration_facts(transform_path: Path) -> dict[str, Any]:
     """What the transform's file records of the registration that found it; a word that stands for no number is left
     out, as the record of a run holds numbers.
@@ -217,6 +208,6 @@ def _is_no_number(value: Any) -> bool:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return dict(read_json(path, _SHAPE, _SENTENCE))
+        return dict(read_json(path, _SHAPE, _SENTENCE, TRANSFORM))
     except FileNotFoundError as error:
         raise InputError(_SENTENCE.format(path=shown(path), why="it does not exist")) from error

@@ -20,7 +20,9 @@ from rasterio.errors import CRSError, RasterioError
 from rasterio.io import DatasetReader, DatasetWriter, MemoryFile
 from rasterio.windows import Window
 
+from ...interface.input_files import RASTER
 from ..core.errors import EngineError, InputError
+from ..core.input_files import check_input
 from ..core.staged_outputs import atomic_output
 from ..statistics.layout import Laid, laid
 from .grid import Grid
@@ -224,6 +226,7 @@ def open_any_grid(path: Path, band: int = 1) -> Iterator[DatasetReader]:
     Raises:
         InputError: as ``read_raster`` but for the grid, here or while it is read.
     """
+    check_input(path, RASTER)
     try:
         # no other format: some refer to files elsewhere
         with rasterio.Env(**_ENVIRONMENT), rasterio.open(path, driver="GTiff") as source:

@@ -29,7 +29,7 @@ from ..pointcloud import plant_cover
 from ..pointcloud.clipping import clip
 from ..pointcloud.header import EmptyCloud, preflight
 from ..pointcloud.near_area import near_area
-from ..pointcloud.pdal_program import Pdal, find_pdal, keep_pipeline
+from ..pointcloud.pdal_program import Pdal, find_pdal, keep_pipeline, time_limit_s
 from ..pointcloud.reading import open_cloud
 from ..pointcloud.returns import Returns
 from ..pointcloud.writing import Copy, copies
@@ -360,7 +360,8 @@ class _Extraction:
         )
 
     def _run(self, pipeline: list[pdal_pipelines.Stage], points: int) -> None:
-        self.pdal.run(pipeline, memory_limit=_BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points)
+        memory = _BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points
+        self.pdal.run(pipeline, memory_limit=memory, time_limit_s=time_limit_s(points), cloud=self.cloud)
 
     def _keep(self, name: str, pipeline: list[pdal_pipelines.Stage]) -> None:
         self.kept.append(self._file(f"{name}.json"))

@@ -15,6 +15,7 @@ from ...interface.parameters import GroundParameters
 from ..crs.working_frame import WorkingFrame
 from ..geometry.dominant_plane import Plane, flattening_matrix, unflattening_matrix
 from ..pointcloud.clipping import MODERN_FORMAT
+from ..pointcloud.declared_crs import declared_crs
 from ..pointcloud.header import CloudHeader
 from ..pointcloud.records import extra_dimensions
 from ..pointcloud.writing import wkt_of
@@ -28,6 +29,12 @@ WAVEFORM_FORMATS = (4, 5, 9, 10)
 MAX_PDAL_CLASS = 31
 """Classes above it stop PDAL 2.2 when it compresses; they are written uncompressed. It takes the flags that formats
 before 6 keep in the same byte for such classes, too."""
+_PDAL_NAMES = frozenset((
+    "x", "y", "z", "intensity", "returnnumber", "numberofreturns", "scandirectionflag", "edgeofflightline",
+    "classification", "scananglerank", "scanangle", "userdata", "pointsourceid", "pointid", "gpstime", "red",
+    "green", "blue", "infrared", "scanchannel", "classflags", "synthetic", "keypoint", "withheld", "overlap",
+))  # fmt: skip
+"""A point's own dimensions, which one of the file with such a name would overwrite."""
 _SCALED = 0b11000
 """Options of an extra dimension with a scale or an offset, which PDAL applies."""
 
@@ -41,6 +48,9 @@ def clip_pipeline(
         area: polygon or multipolygon in metres of the frame; None for the whole cloud.
     """
     stages: list[Stage] = [_reader(source, header)]
+    declared, unreadable = declared_crs(header)
+    if declared is None and unreadable:
+        stages[0]["override_srs"] = wkt_of(frame.crs)  # PDAL stops at a reference system that it cannot read
     factors = (frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor)
     if not frame.in_metres:
         stages.append({"type": "filters.transformation", "matrix": matrix_text(np.diag([*factors, 1.0]))})
@@ -144,7 +154,7 @@ def _extra_bytes(header: CloudHeader) -> list[tuple[str, str, str]]:
     found = []
     for dimension in extra_dimensions(header):
         name = re.sub("[^A-Za-z0-9_]", "_", dimension.name)
-        name = name if name[0].isalpha() else f"X{name}"
+        name = name if name[0].isalpha() and name.casefold() not in _PDAL_NAMES else f"X{name}"
         size = dimension.dtype.itemsize
         if dimension.dtype.kind in kinds:
             found.append((name, f"{kinds[dimension.dtype.kind]}{8 * size}_t", dimension.name))

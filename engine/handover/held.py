@@ -15,18 +15,18 @@ import geopandas as gpd
 import numpy as np
 import pandas as pd
 import pyogrio
-import rasterio
 import shapely
 from pyproj import CRS
-from rasterio.errors import RasterioError
 
+from ...interface.input_files import PART, RASTER, RECORD, RUN_TABLE
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.gdal_names import readable
+from ..core.input_files import check_input, open_input, read_input
 from ..core.json_shapes import anything, fields, moment, number, parse_json, read_json, rows, table, text
 from ..core.messages import shown
 from ..core.part_folders import settle_around
-from ..grid.geotiff import Raster, read_raster
+from ..grid.geotiff import Raster, open_any_grid, read_raster
 from ..report.record_shape import inside
 from ..vector.geopackage import read_layer
 
@@ -150,8 +150,8 @@ def find_record(run: Path) -> Path:
 def _command(record: Path) -> str:
     """The command of a run record; empty where it cannot be read."""
     try:
-        document = parse_json(record.read_bytes())
-    except (OSError, ValueError):
+        document = parse_json(read_input(record, RECORD))
+    except (InputError, ValueError):
         return ""
     return str(document.get("command", "")) if isinstance(document, dict) else ""
 
@@ -217,6 +217,8 @@ def _there(files: Mapping[str, Path], command: str) -> dict[str, Path]:
             f"{shown(lost.parent)} lacks {shown(lost.name)}, which its run record names; run {command} again, or put "
             "the file back."
         )
+    for path in kept.values():
+        check_input(path, RASTER if path.suffix == ".tif" else PART)
     return kept
 
 
@@ -273,7 +275,8 @@ def _surfaces(path: Path, record: Mapping[str, Any]) -> dict[str, Raster]:
 def read_sections(path: Path) -> tuple[Section, ...]:
     """The sections of a table of profiles; InputError where it is none."""
     try:
-        cells = pd.read_csv(path)
+        with open_input(path, RUN_TABLE) as stream:
+            cells = pd.read_csv(stream)
         groups = [(str(name), cells_of) for name, cells_of in cells.groupby("profile", sort=False)]
         return tuple(_section(name, part) for name, part in groups if len(part) > 1)
     except (ValueError, KeyError, pd.errors.ParserError) as error:
@@ -298,11 +301,8 @@ def _crs(layers: Iterable[HeldLayer], rasters: Iterable[Path]) -> CRS | None:
 
 
 def _raster_crs(path: Path) -> CRS | None:
-    try:
-        with rasterio.open(path, driver="GTiff") as source:
-            return CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
-    except RasterioError as error:
-        raise InputError(f"{shown(path)} cannot be read as a raster; run the command again.") from error
+    with open_any_grid(path) as source:
+        return CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
 
 
 def _days(record: Mapping[str, Any]) -> tuple[date, ...]:

@@ -18,7 +18,9 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader
 from rasterio.windows import Window
 
+from ...interface.input_files import RASTER
 from ..core.errors import InputError
+from ..core.input_files import check_input
 from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
 from ..grid.geotiff import grid_of
@@ -37,6 +39,7 @@ class PictureSource:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        check_input(path, RASTER)
         try:
             self._source: DatasetReader = rasterio.open(path, driver="GTiff")
         except RasterioError as error:

@@ -15,7 +15,9 @@ from typing import BinaryIO
 
 import numpy as np
 
+from ...interface.input_files import CLOUD
 from ..core.arrays import Float
+from ..core.input_files import open_input
 from ..crs.working_frame import WorkingFrame
 from .header import CloudHeader
 from .records import extra_dimensions, read_records
@@ -62,7 +64,7 @@ def chosen_chunks(header: CloudHeader, bounds: Bounds | None, spacing: float | N
     *middle, half, coarsest, offset, size = _INFO.unpack_from(info)
     if not (np.isfinite([*middle, half, coarsest]).all() and half > 0):
         return None
-    with header.path.open("rb") as stream:
+    with open_input(header.path, CLOUD) as stream:
         nodes = _nodes(stream, header.file_size, offset, size)
     if nodes is None or int(nodes["points"].sum()) != header.count:
         return None

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from ...interface.input_files import PART
 from ..core.errors import InputError
+from ..core.input_files import open_input
 from ..core.messages import shown
 from .laz_chunks import LazLayout, PointBlock, laz_layout
 
@@ -24,6 +26,9 @@ _HEADER_SIZES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375, 5: 393}
 _VLR_HEADER, _EVLR_HEADER = 54, 60
 _MAXIMUM_VLRS = 10_000
 _MAXIMUM_EVLRS = 1_000
+EXTRA_DESCRIPTION_BYTES = 192
+MAX_EXTRA_DIMENSIONS = 65_535 // EXTRA_DESCRIPTION_BYTES
+"""Of a file: a record of variable length takes so many descriptions."""
 _MAXIMUM_PAYLOAD = 4_000_000
 _KEPT = {
     ("LASF_Projection", 2112),
@@ -108,9 +113,7 @@ def preflight(path: Path | str) -> CloudHeader:
             raise InputError(f"{name} does not exist; check the path of the point cloud.")
         if path.is_dir():
             raise InputError(f"{name} is a folder; give the LAS or LAZ file inside it.")
-        if not path.is_file():
-            raise InputError(f"{name} is not a regular file; give a LAS or LAZ file on disk.")
-        with path.open("rb") as stream:
+        with open_input(path, PART) as stream:  # what is no LAS file is said more exactly below
             return _read(stream, path, os.fstat(stream.fileno()).st_size)
     except OSError as error:
         reason = error.strerror or type(error).__name__
@@ -129,6 +132,9 @@ def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
     count, returns = _count(name, head, minor, form.legacy_count, warnings)
     vlrs = _read_vlrs(stream, name, form.header_size, offset, form.vlr_count)
     end = _end_of_points(stream, name, head, minor, offset, size, vlrs)
+    extra = len(vlrs.get(("LASF_Spec", 4), b"")) // EXTRA_DESCRIPTION_BYTES
+    if extra > MAX_EXTRA_DIMENSIONS:
+        raise InputError(f"{name} has {extra} extra dimensions; export it with at most {MAX_EXTRA_DIMENSIONS}.")
     low, high, trusted = _bounds(name, head, scales, offsets, count, warnings)
     if count == 0:
         raise EmptyCloud(f"{name} holds no points; give a cloud with points or clip a larger area.")

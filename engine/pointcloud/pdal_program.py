@@ -38,6 +38,11 @@ NO_CLASS_12_SINCE = (2, 4)
 PRIVATE = Path(__file__).resolve().parents[2] / ".pdal" / "bin" / "pdal"
 _WORKER = Path(__file__).with_name("pdal_worker.py")
 _UNSAFE = re.compile(r"[\[\]*?#\"\\\x00-\x1f\x7f]" if os.name == "posix" else r"[\[\]*?#\"\x00-\x1f\x7f]")
+_START_S = 60.0  # to say its version, which takes 0.1 s
+_BASE_TIME_S = 600.0
+_TIME_PER_POINT_S = 200e-6
+"""130 times what PDAL 2.2 takes to read, crop and write a point of a LAZ file (644,000 a processor second, 2026-11-24);
+its cloth takes longer."""
 Stage = dict[str, Any]
 
 
@@ -73,31 +78,52 @@ class Pdal:
     def _libraries(self) -> dict[str, str]:
         return {} if self.path is None else library_variables(sys.platform, self.path, os.environ, os.path.isfile)
 
-    def run(self, pipeline: list[Stage], *, memory_limit: int | None = None) -> None:
+    def run(
+        self,
+        pipeline: list[Stage],
+        *,
+        memory_limit: int | None = None,
+        time_limit_s: float | None = None,
+        cloud: Path | None = None,
+    ) -> None:
         """Run a pipeline; its writer's file is complete or absent.
 
         Args:
             pipeline: stages, a reader first and a writer last, which name files as ``filename``.
             memory_limit: bytes of address space PDAL may take (where the system can limit it).
+            time_limit_s: seconds it may take.
+            cloud: the user's, for the sentence; by default what the pipeline reads.
 
         Raises:
-            InputError: the reader cannot read its file, or the output cannot be written.
+            InputError: it took longer; the reader cannot read its file, or the output cannot be written.
             EngineError: PDAL failed otherwise.
         """
         with temporary_folder("pdal", needed_bytes=_written(pipeline)) as folder, _run_names(pipeline, folder) as safe:
-            result = child_process.run_child(
-                [sys.executable, _WORKER] if self.path is None else [self.path, "pipeline", "--stdin"],
-                stdin=json.dumps({"pipeline": safe}).encode(),
-                memory_limit=memory_limit,
-                # one thread: several give another cloth, and so other ground, from run to run
-                environment={**os.environ, **self._libraries(), "OMP_NUM_THREADS": "1"},
-                directory=folder,  # some releases leave files of the cloth where they run
-            )
+            try:
+                result = child_process.run_child(
+                    [sys.executable, _WORKER] if self.path is None else [self.path, "pipeline", "--stdin"],
+                    stdin=json.dumps({"pipeline": safe}).encode(),
+                    memory_limit=memory_limit,
+                    time_limit_s=time_limit_s,
+                    # one thread: several give another cloth, and so other ground, from run to run
+                    environment={**os.environ, **self._libraries(), "OMP_NUM_THREADS": "1"},
+                    directory=folder,  # some releases leave files of the cloth where they run
+                )
+            except child_process.ChildTimeout as error:
+                raise InputError(
+                    f"PDAL {self.version} did not finish {shown(cloud or pipeline[0]['filename'])} within "
+                    f"{(time_limit_s or 0) / 60:.0f} minutes; clip the cloud to a smaller area, or give another PDAL."
+                ) from error
             if result.returncode:
                 raise _failure(result, pipeline, self.version)
 
 
 NO_PDAL = Pdal(None, "", "none was found")
+
+
+def time_limit_s(points: int) -> float:
+    """Seconds that PDAL may take for a cloud of so many points."""
+    return _BASE_TIME_S + _TIME_PER_POINT_S * points
 
 
 def keep_pipeline(pipeline: list[Stage], path: Path, final: Path | None = None) -> None:
@@ -123,7 +149,7 @@ def keep_pipeline(pipeline: list[Stage], path: Path, final: Path | None = None) 
 
 
 def find_pdal(setting: Path | str | None = None) -> Pdal:
-    """The PDAL to use: SLOPEWATCH_PDAL, then ``setting``, then the Python package, then what is found.
+    """The PDAL to use: ``setting``, then SLOPEWATCH_PDAL, then the Python package, then what is found.
 
     Found is what came with QGIS, on PATH, in conda or in the private prefix; of these the newest is taken, the first
     of equals. ``NO_PDAL`` where there is none, or where the variable says ``NONE``.
@@ -138,12 +164,12 @@ def find_pdal(setting: Path | str | None = None) -> Pdal:
 @functools.lru_cache(maxsize=8)
 def _find(variable: str, setting: str, search_path: str, qgis: str, conda: str) -> Pdal:
     """``find_pdal`` in an environment, of which those three variables decide."""
-    if variable == NONE:
-        return Pdal(None, "", f"environment variable {VARIABLE}")
     for given, how, remedy in (
-        (variable, f"environment variable {VARIABLE}", f"correct or unset {VARIABLE}"),
         (setting, "setting", "correct the setting (--pdal)"),
+        (variable, f"environment variable {VARIABLE}", f"correct or unset {VARIABLE}"),
     ):
+        if given == NONE and given is variable:
+            return Pdal(None, "", how)
         if given:
             program = shutil.which(given, path=search_path) or given
             version = _version_of([program, "--version"])
@@ -172,9 +198,9 @@ def _names_in(folder: PurePath) -> list[str]:
 
 
 def _version_of(arguments: list[str]) -> str | None:
-    """What a program says its version is; None if it does not start."""
+    """What a program says its version is; None if it does not start, or does not end."""
     try:
-        result = child_process.run_child(arguments)
+        result = child_process.run_child(arguments, time_limit_s=_START_S)
     except EngineError:
         return None
     match = re.search(r"(\d+\.\d+(?:\.\d+)?)", result.stdout.decode(errors="replace"))

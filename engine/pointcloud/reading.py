@@ -35,6 +35,8 @@ def open_cloud(
     """
     header = preflight(path)
     declared, warnings = declared_crs(header)
+    if declared is None and warnings and not (inputs and inputs.crs):
+        raise InputError(f"{warnings[-1].removesuffix('.')}; give a projected one with --crs EPSG:n.")
     frame = working_frame(declared, inputs or InputParameters(), path)
     notes = (*header.warnings, *warnings, *frame.notes)
     if header.bounds_trusted:

@@ -18,8 +18,10 @@ from laspy.extradims import get_id_for_extra_dim_type
 from laspy.vlrs.known import ExtraBytesStruct
 from numpy.typing import NDArray
 
+from ...interface.input_files import CLOUD
 from ..core.arrays import Float
 from ..core.errors import EngineError, InputError
+from ..core.input_files import open_input
 from ..core.messages import shown
 from .header import POINT_SIZES, CloudHeader, Vector
 from .laz_chunks import check_chunks
@@ -131,7 +133,7 @@ def read_records(
     limit = max(1, _GROUP_BYTES // dtype.itemsize)
     chosen = None if selection is None else selection.to_lazrs()
     try:
-        with header.path.open("rb") as stream:
+        with open_input(header.path, CLOUD) as stream:
             chunks = _pieces(header, limit) if layout is None else _chunks(stream, header, warnings)
             places = np.cumsum([header.offset_to_points + 8 * header.compressed, *(size for _, size in chunks)])
             groups = _groups(chunks, limit) if stretches is None else _evenly(len(chunks), stretches)

@@ -11,6 +11,7 @@ from ...interface.parameters import InputParameters
 from ..core.errors import InputError
 from ..core.progress import Progress
 from ..crs.working_frame import WorkingFrame, plausibility, working_frame
+from .coordinate_step import coordinate_step
 from .declared_crs import declared_crs
 from .extent import CheckedRecords, square_metres
 from .header import preflight
@@ -64,6 +65,7 @@ def describe_cloud(
         "reference_system": _crs_facts(declared, frame),
         "units": "m" if frame is not None else "as in the file",
         "scale": list(header.scales),
+        "coordinate_step": None if frame is None else list(coordinate_step(Path(path), inputs)),
         "x": [extent.low[0], extent.high[0]],
         "y": [extent.low[1], extent.high[1]],
         "z": [extent.low[2], extent.high[2]],

@@ -26,7 +26,7 @@ from ..core.version import VERSION
 from ..crs.working_frame import WorkingFrame
 from ..geometry.columns import greatest, least
 from .cloud import PointCloud
-from .header import CloudHeader, EmptyCloud, Vector, preflight
+from .header import EXTRA_DESCRIPTION_BYTES, MAX_EXTRA_DIMENSIONS, CloudHeader, EmptyCloud, Vector, preflight
 from .reading import open_cloud
 from .records import ExtraDimension, extra_dimensions, new_dimension, read_records, record_dtype
 
@@ -283,6 +283,11 @@ def laz_writer(
     header.file_source_id = source.file_source if source else 0
     header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", wkt_of(layout.crs).encode() + b"\0"))
     described = b"".join(d.descriptor for d in layout.dimensions)
+    if len(described) > MAX_EXTRA_DIMENSIONS * EXTRA_DESCRIPTION_BYTES:
+        raise InputError(
+            f"{shown(source.path if source else path)} has too many extra dimensions to add others; a file takes "
+            f"{MAX_EXTRA_DIMENSIONS}, so export it with fewer."
+        )
     if described:
         header.vlrs.append(laspy.VLR("LASF_Spec", 4, "", described))
     extra = sum(d.dtype.itemsize for d in layout.dimensions)

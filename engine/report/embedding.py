@@ -15,7 +15,9 @@ import matplotlib
 from matplotlib.figure import Figure
 from PIL import Image, ImageOps
 
+from ...interface.input_files import PHOTO, PICTURE
 from ..core.errors import InputError
+from ..core.input_files import open_input
 from ..maps.map_parts import PNG_OPTIONS
 
 _DPI = 160
@@ -84,7 +86,7 @@ def photograph(path: Path, text: str, width: int, *, quality: int = 88) -> Pictu
     if not path.is_file():
         return None
     try:
-        with Image.open(path, formats=["PNG"]) as source:
+        with open_input(path, PICTURE) as stream, Image.open(stream, formats=["PNG"]) as source:
             if source.width * source.height > _MAX_PIXELS:
                 raise ValueError("too large")
             image = Image.new("RGB", source.size, "white")
@@ -107,7 +109,10 @@ def photo(path: Path, text: str) -> Picture:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of odd tags, and of many pixels, which are limited here
-            with Image.open(path, formats=["JPEG", "PNG", "TIFF", "WEBP"]) as source:
+            with (
+                open_input(path, PHOTO) as stream,
+                Image.open(stream, formats=["JPEG", "PNG", "TIFF", "WEBP"]) as source,
+            ):
                 if source.width * source.height > _MAX_PIXELS:
                     raise ValueError("too large")
                 source.draft("RGB", (2 * _PHOTO_PIXELS, 2 * _PHOTO_PIXELS))
@@ -115,7 +120,7 @@ def photo(path: Path, text: str) -> Picture:
                 rgba = ImageOps.exif_transpose(source).convert("RGBA")
         image = Image.new("RGB", rgba.size, "white")
         image.paste(rgba, mask=rgba.getchannel("A"))
-    except _DAMAGED as error:
+    except (InputError, *_DAMAGED) as error:
         raise ValueError(f"{path.name} cannot be read as a picture") from error
     stream = io.BytesIO()
     image.save(stream, "JPEG", quality=_PHOTO_QUALITY)

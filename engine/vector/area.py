@@ -16,6 +16,7 @@ from ..core.errors import InputError
 from ..core.gdal_names import readable
 from ..core.messages import shown
 from ..crs.reprojection import reprojected
+from .crossings import refuse_tangled
 from .geopackage import READ_FAULTS
 
 Bounds = tuple[float, float, float, float]
@@ -69,6 +70,7 @@ def read_roi(path: Path | str, crs: CRS, *, unit: float = 1.0) -> Roi:
             f"The area {name} cannot be read as a vector file; give polygons as GeoPackage, shapefile, GeoJSON or KML."
         ) from error
     polygons = _polygons(wkb, name, notes)
+    refuse_tangled(polygons, f"The area {name}")
     polygons = _repaired(polygons, name, notes)
     polygons = _transformed(polygons, meta.get("crs"), crs, unit, name, notes)
     merged = shapely.union_all(_repaired(polygons, name, []))

@@ -9,14 +9,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ...interface.input_files import FIELD_NAMES
 from ..core.errors import InputError
+from ..core.input_files import read_input
 from ..core.json_shapes import parse_json
 from ..core.messages import quoted, shown
 
 ANY = ""
 """The table of names that hold for all tables."""
 _RESERVED = ("fid", "geom", "geometry", "ogc_fid")
-_MAX_FILE_B = 1_000_000
 _MAX_NAME_CHARACTERS = 63
 """Of a field's name: as many as PostgreSQL keeps."""
 
@@ -73,10 +74,8 @@ def read_field_mapping(path: Path | None) -> FieldMapping:
         return FieldMapping()
     name = shown(path)
     try:
-        data = path.read_bytes() if path.stat().st_size <= _MAX_FILE_B else b""
+        data = read_input(path, FIELD_NAMES)
         text = data.decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"The field names {name} cannot be read ({error.strerror}); check the path.") from error
     except UnicodeDecodeError as error:
         raise InputError(f"The field names {name} are no text in UTF-8; save them so.") from error
     rows = _of_json(data, name) if path.suffix.lower() == ".json" else _of_csv(text, name)

@@ -15,8 +15,10 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
+from ...interface.input_files import LABELS, PICTURE
 from ..core.arrays import Bool
 from ..core.errors import InputError
+from ..core.input_files import read_input
 from ..core.json_shapes import anything, fields, number, read_json, rows, table, text
 from ..core.messages import shown
 from ..grid.grid import Grid
@@ -91,7 +93,7 @@ class LabelPicture:
         path = self.folder / self.name
         if not path.is_file():
             raise InputError(f"The picture {shown(path)} is not next to its tasks; put it there.")
-        if hashlib.sha256(path.read_bytes()).hexdigest() != self.sha256:
+        if hashlib.sha256(read_input(path, PICTURE)).hexdigest() != self.sha256:
             raise InputError(
                 f"The picture {shown(path)} is not the one that its tasks were written for; export it again."
             )
@@ -111,7 +113,7 @@ def read_pictures(path: Path) -> dict[str, LabelPicture]:
         InputError: there is no such file, or it is none of ``slopewatch exportlabelstudio``.
     """
     try:
-        document = read_json(path, _TASKS, _SENTENCE)
+        document = read_json(path, _TASKS, _SENTENCE, LABELS)
     except FileNotFoundError:
         raise InputError(f"The tasks {shown(path)} do not exist; check their path.") from None
     found: dict[str, LabelPicture] = {}

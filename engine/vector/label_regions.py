@@ -17,6 +17,7 @@ from urllib.parse import unquote
 import numpy as np
 import shapely
 
+from ...interface.input_files import LABELS
 from ..core.errors import InputError
 from ..core.json_shapes import anything, fields, maybe, number, read_json, rows, table, text
 from ..core.messages import shown
@@ -70,7 +71,7 @@ def read_regions(path: Path, pictures: Mapping[str, LabelPicture]) -> tuple[list
             without polygons, rectangles and masks.
     """
     try:
-        tasks = read_json(path, _as_list(_EXPORT), _SENTENCE)
+        tasks = read_json(path, _as_list(_EXPORT), _SENTENCE, LABELS)
     except FileNotFoundError:
         raise InputError(f"The export {shown(path)} does not exist; check its path.") from None
     tasks = tasks if isinstance(tasks, list) else [tasks]

@@ -11,6 +11,7 @@ import shapely
 from ..core.errors import InputError
 from ..core.gdal_names import readable
 from ..core.messages import shown
+from .crossings import refuse_tangled
 from .geopackage import READ_FAULTS
 
 
@@ -46,4 +47,5 @@ def read_polygons(path: Path, field: str, option: str) -> tuple[geopandas.GeoDat
             f"The polygons {shown(path)} have no field {field}; name the one to take by {option} (there are "
             f"{', '.join(columns) or 'none'})."
         )
+    refuse_tangled(frame.geometry, f"The layer {shown(path)}")
     return frame.set_geometry(shapely.make_valid(frame.geometry.to_numpy()), crs=frame.crs), found[0]

@@ -30,6 +30,7 @@ from ..vector.geopackage import READ_FAULTS
 GIVEN, STEEPEST = "given", "steepest"
 _NAMES = ("name", "label", "profile", "id")  # fields that name a line, where none is asked for
 _MAX_LENGTH_M = 100_000.0  # metres
+_MAX_LINES = 1_000  # each is a table and a chart of the report, which take 0.1 s
 _MIN_MARGIN_M = 2.0  # metres beyond a zone, so that its line shows unchanged ground too
 _MIN_STEEPNESS = math.tan(math.radians(2.0))  # a flatter surface has no distinct steepest line
 
@@ -52,8 +53,8 @@ def read_lines(path: Path, crs: CRS, field: str = "") -> tuple[tuple[ProfileLine
         field: field that names the lines; the first of name, label, profile and id where it is empty, else numbers.
 
     Raises:
-        InputError: missing, not a vector file, without lines or without that field, not transformable, or with a line
-            of more than 100 km.
+        InputError: missing, not a vector file, without lines or without that field, not transformable, with more than
+            1,000 lines, or with one of more than 100 km.
     """
     name = shown(path)
     if not Path(path).exists():
@@ -77,6 +78,11 @@ def read_lines(path: Path, crs: CRS, field: str = "") -> tuple[tuple[ProfileLine
         found += [ProfileLine(label, part, GIVEN) for part in parts]
     if not found:
         raise InputError(f"The profiles' lines {name} hold no line; draw one across the slope.")
+    if len(found) > _MAX_LINES:
+        raise InputError(
+            f"The profiles' lines {name} hold {len(found):,} lines, and at most {_MAX_LINES:,} are drawn; give those "
+            "that you need."
+        )
     if left_out:
         notes.append(f"The profiles' lines {name} hold {left_out} features that are no line, which are left out.")
     for line in found:

@@ -16,8 +16,10 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from ...interface.input_files import RUN_TABLE
 from ..core.arrays import Float32, Index
 from ..core.errors import EngineError, InputError
+from ..core.input_files import open_input
 from ..core.json_shapes import LARGEST
 from ..core.number_text import fixed
 from ..core.staged_outputs import Stage, atomic_output
@@ -162,7 +164,7 @@ def read_profiles(path: Path) -> dict[str, dict[str, NDArray[np.float64]]]:
     """
     found: dict[str, list[list[float]]] = {}
     try:
-        with Path(path).open(encoding="utf-8", newline="") as file:
+        with io.TextIOWrapper(open_input(path, RUN_TABLE), encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
                 values = [float(row[column]) if row[column] else np.nan for column in _COLUMNS]
                 if not np.abs(np.nan_to_num(values, nan=0.0)).max() < LARGEST or not row["profile"]:

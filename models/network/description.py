@@ -7,9 +7,11 @@ from typing import Any
 
 from ...engine.core import checksums
 from ...engine.core.errors import InputError
+from ...engine.core.input_files import open_input
 from ...engine.core.json_shapes import fields, maybe, number, read_json, rows, text
 from ...engine.core.messages import shown
 from ...engine.core.part_folders import settle
+from ...interface.input_files import WEIGHTS
 
 FORMAT = 1
 POINTS = "RandLA-Net"
@@ -98,7 +100,7 @@ def checked_description(path: Path, sha256: str | None = None) -> tuple[dict[str
 
 def _refuse_pickle(path: Path) -> None:
     """A pickle can run any program when it is opened; torch's own files are pickles, plain or in a zip archive."""
-    with path.open("rb") as file:
+    with open_input(path, WEIGHTS) as file:
         start = file.read(16)
     if path.suffix != ".safetensors" or start[:2] in (b"PK", b"\x80\x02", b"\x80\x04") or start[8:9] != b"{":
         raise InputError(

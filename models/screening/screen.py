@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...engine.core.arrays import Float
+from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
+from ...engine.geometry.columns import spans
 from ...engine.geometry.dominant_plane import Plane, apply_matrix
 from ...engine.ground.pdal_pipelines import GROUND, NOISE
 from ...interface.parameters import AUTO, ScreeningParameters
@@ -34,6 +36,8 @@ from .network import ScreeningModel, memory_reported
 from .relief import RELIEF_DENSITY, ReliefModel
 from .result import GroundPoints, Screening, calibrated
 
+MAX_AREA_M2 = 100e6
+"""Of the rectangle around a cloud: each square metre takes memory."""
 BY_RASTER = ("relief", "filter")
 """Methods that screen the slope's raster, made of the same averages that are labelled."""
 
@@ -235,6 +239,12 @@ def _suitable(
     progress: Progress,
 ) -> tuple[Suitability, tuple[Plane, Float]]:
     """What was measured of the slope, and its frame; InputError where it cannot be screened."""
+    width, depth = spans(sample.xyz[:, :2]).tolist()
+    if width * depth > MAX_AREA_M2:
+        raise InputError(
+            f"{ground.name} spans {width / 1000:.0f} x {depth / 1000:.0f} km, too much to screen at once; cut it with "
+            "--roi."
+        )
     suitability, frame = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
     refuse_unsuitable(
         suitability,

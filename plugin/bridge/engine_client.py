@@ -13,11 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...interface.protocol import CANCELLED, DONE, ERROR, INPUT_REFUSED, LOG, PROGRESS, RESULT
+from ...interface.protocol import CANCELLED, DONE, ERROR, INPUT_REFUSED, LOG, PROGRESS, RESULT, SOME_FAILED
 from . import settings
 from .engine_process import run_process
 from .engine_setup import engine_environment, find_engine
 from .interpreter import SET_UP, InterpreterNotFoundError
+from .words import tr
 
 MODULE = "slopewatch.cli"
 
@@ -144,7 +145,7 @@ class _Conversation:
 
     def verdict(self, code: int, complaint: str, interpreter: str) -> EngineResult:
         """The result, or the failure that the exit code and the messages report."""
-        if code == DONE:
+        if code in (DONE, SOME_FAILED):
             if self._result is None:
                 raise EngineCrashedError(f"The engine ended without a result.{_quoted(complaint)}")
             missing = [p for p in self._result.outputs.values() if not os.path.exists(p)]
@@ -152,6 +153,8 @@ class _Conversation:
                 raise EngineCrashedError(
                     f"The engine reported {missing[0]}, but it is not there; report this as a bug."
                 )
+            if code == SOME_FAILED:
+                self._feedback.pushWarning(tr("Some slopes failed; the others have their results."))
             return self._result
         if code == INPUT_REFUSED and (self._error or complaint):
             raise EngineInputError(self._error or _last_line(complaint))

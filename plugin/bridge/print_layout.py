@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -76,6 +77,8 @@ _NORTH = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 20 28"><path d="M10 1 L17 25 L10 20 L3 25 Z" fill="none" '
     'stroke="#222" stroke-width="1"/><path d="M10 1 L10 20 L3 25 Z" fill="#222"/></svg>'
 )
+_EVALUATED = re.compile(r"\[%|\$CURRENT_DATE")
+"""What begins a part that QGIS replaces in a label."""
 _MM = QgsUnitTypes.LayoutUnit.LayoutMillimeters
 
 
@@ -286,13 +289,19 @@ def _add_block(layout: QgsPrintLayout, sheet: Sheet, box: Box) -> None:
     rectangle.setSymbol(QgsFillSymbol([line]))
     _place(layout, rectangle, box)
     half = width / 2
-    _add_text(layout, sheet.title, (left + 2, top + 1.5, half + 20, 9.0), 13, bold=True)
-    _add_text(layout, sheet.subtitle, (left + 2, top + 10.5, half + 20, 12.5), 8)
+    _add_text(layout, literal(sheet.title), (left + 2, top + 1.5, half + 20, 9.0), 13, bold=True)
+    _add_text(layout, literal(sheet.subtitle), (left + 2, top + 10.5, half + 20, 12.5), 8)
     scale = tr("Scale") + " 1 : [% round(item_variables('map')['map_scale']) %]"
     system = tr("Reference system") + ": [% @project_crs_description %] ([% @project_crs %])"
-    lines = [f"{tr('Made by')}: {sheet.author}" if sheet.author else "", scale, system, sheet.source]
+    author = literal(sheet.author)
+    lines = [f"{tr('Made by')}: {author}" if author else "", scale, system, literal(sheet.source)]
     right = "\n".join(line for line in lines if line)
     _add_text(layout, right, (left + half + 24, top + 2, half - 26, height - 3), 8)
+
+
+def literal(text: str) -> str:
+    """``text`` so that a label shows it as it is: an expression or a date in it stays text."""
+    return _EVALUATED.sub(lambda found: f"[% '{found[0][0]}' || '{found[0][1:]}' %]", text)
 
 
 def _add_text(

@@ -307,8 +307,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_one_sentence_with_exit_code_2(name, files, tmp_path, monkeypatch):
-    monkeypatch.delenv("SLOPEWATCH_PDAL", raising=False)  # it comes before --pdal
+def test_bad_input_is_one_sentence_with_exit_code_2(name, files, tmp_path):
     line, words = BAD[name]
     arguments = [word.format(**files, new=tmp_path, out=tmp_path / "out") for word in line.split()]
     before = sorted(files["faulty"].rglob("*"))

@@ -10,7 +10,7 @@ from pathlib import Path
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.json_shapes import read_json
 from slopewatch.engine.epochs.manifest import read_manifest
-from slopewatch.engine.geometry.rigid_transform import RigidTransform, registration_error
+from slopewatch.engine.geometry.rigid_transform import RigidTransform, registration_facts
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.report.record_shape import run_record
 from slopewatch.engine.series.alerts import DEFAULT_TABLE, read_alerts
@@ -29,7 +29,7 @@ Reader = Callable[[Path], object]
 
 def _transform(path: Path) -> None:
     RigidTransform.load(path)
-    registration_error(path)
+    registration_facts(path)
 
 
 def _points_model(path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+import time
+import tracemalloc
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -121,6 +123,35 @@ def test_what_cannot_be_used_is_one_sentence_that_names_the_file(tmp_path: Path,
 
 def test_a_file_that_is_missing_or_no_text_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "picture.json").write_bytes(b"\x89PNG\xff\xfe")
-    for name, words in (("none.json", "does not exist"), ("picture.json", "not UTF-8"), (".", "cannot be read")):
+    for name, words in (("none.json", "does not exist"), ("picture.json", "not UTF-8"), (".", "is a folder")):
         with pytest.raises(ParameterError, match=words):
             read_settings(tmp_path / name, command_sets.CHANGE)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("dots.toml", "a" + ".a" * 50_000 + " = 1\n"),
+        ("dots.toml", "a = {b" + ' . "b"' * 30_000 + " = 1}\n"),
+        ("table.toml", "[a" + ".a" * 50_000 + "]\n"),
+        ("large.toml", "a = 1\n" * 50_000),
+        ("deep.toml", "a = " + "[" * 50_000 + "\n"),
+        ("many.json", "[" + "[]," * 1_000_000 + "0]"),
+        ("deep.json", "[" * 100_000),
+    ],
+)
+def test_settings_that_would_explode_are_refused_at_once(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    began = time.process_time()
+    tracemalloc.start()
+    with pytest.raises(ParameterError, match=name):
+        read_settings(tmp_path / name, command_sets.CHANGE)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert time.process_time() - began < 5.0
+    assert peak < 100_000_000
+
+
+def test_dots_in_texts_and_numbers_of_toml_are_no_names(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text('report_remarks = "See p. 1. Then p. 2. ' + "And so on. " * 50 + '"\n')
+    assert read_settings(tmp_path / "a.toml", command_sets.CHANGE).values["report_remarks"].startswith("See p. 1.")

@@ -169,6 +169,10 @@ STYLES = {
     "screened": lambda: qgis_styles.hazards_qml(SCREENED),
     "footprints": qgis_styles.footprints_qml,
     "series": lambda: qgis_styles.series_zones_qml(read_alerts(None)),
+    "corridor zones": lambda: qgis_styles.corridor_zones_qml(("zone_id", "slope", "attention")),
+    "corridor alerts": lambda: qgis_styles.corridor_alerts_qml(
+        ("slope", "state"), ("raised", "acknowledged", "closed"), ("state",)
+    ),
 }
 EVALUATE = """
 import sys
@@ -203,10 +207,14 @@ def test_map_tips_show_text_as_text(name: str) -> None:
     if subprocess.run(["/usr/bin/python3", "-c", "import qgis.core"], capture_output=True, check=False).returncode:
         pytest.skip("QGIS's Python is not here")
     done = subprocess.run(
-        ["/usr/bin/python3", "-c", EVALUATE], input=f"{tip}\0<img src=x>&", capture_output=True, text=True, check=True
+        ["/usr/bin/python3", "-c", EVALUATE],
+        input=f"{tip}\0<img src=x>&[% 1 + 1 %]",
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert "<img" not in done.stdout
-    assert "&lt;img src=x>&amp;" in done.stdout
+    assert "&lt;img src=x>&amp;[% 1 + 1 %]" in done.stdout
 
 
 def test_a_terminal_gets_no_commands(tmp_path: Path) -> None:

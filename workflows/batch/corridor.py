@@ -11,6 +11,7 @@ from pathlib import Path
 from ...engine.core.earlier_results import refuse_results
 from ...engine.core.errors import InputError
 from ...engine.core.file_lock import locked
+from ...engine.core.input_files import refuse_odd_outputs, refuse_unusable
 from ...engine.core.messages import shown
 from ...engine.core.progress import Progress
 from ...engine.core.run_record import RunRecord
@@ -42,6 +43,10 @@ def run_batch(what: Given, common: Common, progress: Progress | None = None) -> 
     progress, folder, manifest = progress or Progress(), what.folder, what.manifest
     record = RunRecord("batch", {"batch": common.parameters})
     outputs = [folder / name for name in (*BATCH_OUTPUTS, STATES, HASHES)]
+    scheduler = common.parameters.scheduler
+    cluster = Path(scheduler) if scheduler.lower().endswith(".json") else None
+    refuse_unusable([*what.inputs, *common.layers.inputs, ("alerts", common.alerts), ("cluster", cluster)])
+    refuse_odd_outputs(outputs)
     refuse_inputs_as_outputs(outputs, [path for _, path in (*what.inputs, *common.layers.inputs) if path])
     _refuse_other_results(folder, overwrite=what.overwrite)
     if manifest.is_dir() and folder.is_relative_to(manifest.absolute()):

@@ -14,10 +14,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ...engine.core.errors import InputError
+from ...engine.core.input_files import read_input
+from ...engine.core.json_shapes import parse_json
 from ...engine.core.part_folders import settle
 from ...engine.core.progress import Progress
 from ...engine.core.run_result import RunResult
 from ...engine.core.version import VERSION
+from ...interface.input_files import RECORD
 from .jobs import Corridor
 from .planning import Common, Plan
 from .product_names import GEOPACKAGE, SOURCES
@@ -137,7 +141,7 @@ def read_record(folder: Path) -> dict[str, Any] | None:
     """The record of the last run in a folder; None where there is none that can be read."""
     settle(folder)
     try:
-        record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        record = parse_json(read_input(folder / "run.json", RECORD))
+    except (InputError, ValueError):
         return None
     return record if isinstance(record, dict) else None

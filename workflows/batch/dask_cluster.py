@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.core.errors import EngineError, InputError
+from ...engine.core.input_files import read_input
 from ...engine.core.messages import quoted, shown
 from ...engine.core.progress import Progress
 from ...engine.core.temporary_folders import temporary_folder
+from ...interface.input_files import CLUSTER
 
 LOCAL = "local"
 _QUEUES = {
@@ -118,9 +120,7 @@ def read_queue(path: Path) -> Queue:
     """
     name = shown(path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"The cluster file {name} cannot be read ({error.strerror}); check the path.") from error
+        document = json.loads(read_input(path, CLUSTER).decode())
     except (ValueError, RecursionError) as error:
         raise InputError(f"The cluster file {name} is no JSON in UTF-8; correct it.") from error
     document = document if isinstance(document, dict) else {}

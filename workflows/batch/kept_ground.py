@@ -12,9 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.core.checksums import sha256
+from ...engine.core.errors import InputError
+from ...engine.core.input_files import read_input
 from ...engine.core.json_shapes import parse_json
 from ...engine.core.staged_outputs import atomic_output
 from ...engine.core.version import VERSION
+from ...interface.input_files import RECORD
 from ..series_preparation import GROUND, ground_facts, ground_key
 from ..series_store import FOLDER, names_of, write_facts
 
@@ -31,8 +34,8 @@ def keep_ground(inspected: Path, series: Path) -> int:
         Surveys whose ground was put there.
     """
     count = 0
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-        record = parse_json((inspected / "run.json").read_bytes())
+    with contextlib.suppress(InputError, OSError, ValueError, KeyError, TypeError, AttributeError):
+        record = parse_json(read_input(inspected / "run.json", RECORD))
         if record["software"] != f"SlopeWatch {VERSION}" or record["command"] != "inspect":
             return 0
         for day, facts in _grounds(record).items():

@@ -71,10 +71,10 @@ def _folder_rows(source: Path) -> Table:
         place = f"Folder {shown(name)}"
         if not clouds:
             rows.append(Row(place, {"slope": name}, problem="it holds no LAS or LAZ file; give its surveys."))
-        region = next((f for end in _ROI_ENDINGS for f in [folder / f"roi{end}"] if f.is_file()), None)
+        region = next((f.absolute() for end in _ROI_ENDINGS for f in [folder / f"roi{end}"] if f.is_file()), "")
         for cloud in clouds:
             day = date_in_name(cloud)
-            values = {"slope": name, "date": day.isoformat() if day else "", "roi": str(region or "")}
+            values = {"slope": name, "date": day.isoformat() if day else "", "roi": str(region)}
             problem = "" if day else f"the name of {shown(cloud.name)} does not hold exactly one date; rename it."
             rows.append(Row(place, values, path=cloud.absolute(), problem=problem))
     return Table((*NEEDED, "roi"), tuple(rows), source)

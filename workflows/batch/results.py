@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...engine.core.errors import InputError
+from ...engine.core.input_files import read_input
+from ...engine.core.json_shapes import parse_json
 from ...engine.core.part_folders import settle
 from ...engine.core.version import VERSION
+from ...interface.input_files import RECORD
 from .jobs import Job
 
 _RECORD = "run.json"
@@ -59,8 +62,8 @@ def result_of(job: Job) -> SlopeResult | None:
 
 def _record(path: Path) -> dict[str, Any] | None:
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        record = parse_json(read_input(path, RECORD))
+    except (InputError, ValueError):
         return None
     return record if isinstance(record, dict) else None
 

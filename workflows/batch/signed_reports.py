@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
+from ...engine.core.input_files import read_input
+from ...engine.core.json_shapes import parse_json
 from ...engine.core.progress import Progress
+from ...interface.input_files import RECORD
 from ...interface.parameters import DetailParameters, ReportParameters
 from ..report import report_step
 from .jobs import Job
@@ -31,6 +33,6 @@ def _renewed(result: SlopeResult, details: DetailParameters, progress: Progress)
         return result
     progress.info(f"Writing the report of {result.slope} again, for its details.")
     report_step(result.folder, ReportParameters(), details=details, profiles=None, progress=Progress())
-    record = json.loads((result.folder / "run.json").read_text(encoding="utf-8"))
+    record = parse_json(read_input(result.folder / "run.json", RECORD))
     files = {str(name): result.folder / str(path) for name, path in record["outputs"].items()}
     return replace(result, record=record, outputs=files)

@@ -10,6 +10,7 @@ from typing import Any
 
 from ...engine.core.checksums import sha256
 from ...engine.core.errors import InputError
+from ...engine.core.input_files import parts_of
 from ...engine.core.json_values import plain
 from ...engine.core.messages import shown
 from ...engine.core.staged_outputs import atomic_output
@@ -40,13 +41,15 @@ class FileHashes:
             InputError: it cannot be read.
         """
         try:
-            files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+            files = parts_of(path)
             states = [p.stat() for p in files]
             stamp = [sum(s.st_size for s in states), max((s.st_mtime_ns for s in states), default=0)]
             kept = self._known.get(str(path))
             if kept is None or kept[:2] != stamp:
                 self._known[str(path)] = kept = [*stamp, sha256(*files)]
                 self._new = True
+        except InputError:
+            raise
         except OSError as error:
             raise InputError(f"{shown(path)} cannot be read ({error.strerror}); check its permissions.") from error
         return str(kept[2])

@@ -12,7 +12,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from ....interface.input_files import CLOUD
 from ...core.arrays import Bool, Float
+from ...core.errors import InputError
+from ...core.input_files import open_input
 
 LABELS = "slopewatch_class"
 """Dimension of the labelled cloud: 0 background, 1 uplift, 2 subsidence."""
@@ -59,7 +62,7 @@ def screened_ground(path: Path, zones: Sequence[BaseGeometry]) -> list[ScreenedG
     None where there is no cloud, it cannot be read, has no labels, or is too large to be read for a report.
     """
     try:
-        with laspy.open(path) as source:
+        with open_input(path, CLOUD) as stream, laspy.open(stream) as source:
             if source.header.point_count > MAX_POINTS or LABELS not in source.header.point_format.dimension_names:
                 return None
             boxes = [surroundings(zone) for zone in zones]
@@ -69,7 +72,7 @@ def screened_ground(path: Path, zones: Sequence[BaseGeometry]) -> list[ScreenedG
                 for number, (west, south, east, north) in enumerate(boxes):
                     x, y = whole[:, 0], whole[:, 1]
                     parts[number].append(whole[(x >= west) & (x <= east) & (y >= south) & (y <= north)])
-    except (OSError, ValueError, laspy.errors.LaspyException):
+    except (InputError, OSError, ValueError, laspy.errors.LaspyException):
         return None
     return [
         _ground(np.concatenate(own) if own else np.zeros((0, 4)), zone) for own, zone in zip(parts, zones, strict=True)

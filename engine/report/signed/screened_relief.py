@@ -10,7 +10,10 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
+from ....interface.input_files import CLOUD
 from ...core.arrays import Float
+from ...core.errors import InputError
+from ...core.input_files import open_input
 from ...grid.grid import Grid
 from ...maps.relief import hillshade
 from ..maps import GAP, closed
@@ -45,7 +48,7 @@ class ScreenedRelief:
 def screened_relief(path: Path) -> ScreenedRelief | None:
     """The relief of a labelled cloud; None where it cannot be read, has no labels or is too large for a report."""
     try:
-        with laspy.open(path) as source:
+        with open_input(path, CLOUD) as stream, laspy.open(stream) as source:
             header = source.header
             if not 0 < header.point_count <= MAX_POINTS or LABELS not in header.point_format.dimension_names:
                 return None
@@ -53,7 +56,7 @@ def screened_relief(path: Path) -> ScreenedRelief | None:
             sums = np.zeros((4, grid.rows * grid.columns))
             for chunk in source.chunk_iterator(_CHUNK):
                 _add(sums, grid, np.column_stack([chunk.x, chunk.y, chunk.z]), np.asarray(chunk[LABELS]))
-    except (OSError, ValueError, laspy.errors.LaspyException):
+    except (InputError, OSError, ValueError, laspy.errors.LaspyException):
         return None
     return ScreenedRelief(_image(sums, grid), grid)
 

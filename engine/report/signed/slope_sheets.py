@@ -9,8 +9,10 @@ from typing import Any
 
 import geopandas as gpd
 
+from ....interface.input_files import RUN_TABLE
 from ....interface.language import current_language
 from ...core.errors import InputError
+from ...core.input_files import read_input
 from ...core.progress import Progress
 from ..compose import REPORT, read_record
 from . import blocks, parts
@@ -76,7 +78,7 @@ def _source(folder: Path) -> Source:
     path, words = folder / REPORT, PageWords()
     language = f'lang="{current_language().replace("_", "-")}"'
     if path.is_file() and path.stat().st_size < _PAGE_CHARACTERS:
-        page = path.read_text(encoding="utf-8", errors="replace")
+        page = read_input(path, RUN_TABLE).decode("utf-8", errors="replace")
         if language in page[:200]:
             words = page_words(page)
     return read_source(record, folder, words)

@@ -48,15 +48,15 @@ def test_a_stage_tells_what_processors_worked_children_included():
 
 def test_inputs_are_hashed_folders_too(tmp_path):
     (tmp_path / "a.gdb").mkdir()
-    (tmp_path / "a.gdb" / "2").write_bytes(b"two")
-    (tmp_path / "a.gdb" / "1").write_bytes(b"one")
+    (tmp_path / "a.gdb" / "a2.gdbtable").write_bytes(b"two")
+    (tmp_path / "a.gdb" / "a1.gdbtable").write_bytes(b"one")
     record = RunRecord("x", {})
     assert record.add_input("roi", tmp_path / "a.gdb") == hashlib.sha256(b"onetwo").hexdigest()
     assert record.inputs[0]["bytes"] == 6
 
 
 def test_an_input_that_does_not_exist_is_the_users_error(tmp_path):
-    with pytest.raises(InputError, match=r"none\.gpkg does not exist"):
+    with pytest.raises(InputError, match=r"none\.gpkg' does not exist"):
         RunRecord("x", {}).add_input("roi", tmp_path / "none.gpkg")
 
 

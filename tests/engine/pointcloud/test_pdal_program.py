@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import laspy
@@ -13,8 +14,9 @@ import numpy as np
 import pytest
 from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.pointcloud import pdal_program as module
-from slopewatch.engine.pointcloud.pdal_program import NO_PDAL, Pdal, find_pdal, keep_pipeline
+from slopewatch.engine.pointcloud.pdal_program import NO_PDAL, Pdal, find_pdal, keep_pipeline, time_limit_s
 from slopewatch.tests.builders.extracted_ground import any_pdal
+from slopewatch.tests.builders.limits import PATIENCE_S
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="the programs that stand in for PDAL are shell scripts")
 
@@ -47,14 +49,16 @@ def real_pdal() -> Pdal:
     return any_pdal()
 
 
-def test_the_variable_comes_before_the_setting_and_the_setting_before_the_rest(bare, monkeypatch):
+def test_the_setting_comes_before_the_variable_and_the_variable_before_the_rest(bare, monkeypatch):
     program(bare / "bin" / "pdal", "2.9.1")
+    named = program(bare / "named" / "mine", "2.3.0")
     setting = program(bare / "chosen" / "pdal", "2.4.0")
-    assert (find_pdal(setting).version, find_pdal(setting).how) == ("2.4.0", "setting")
-    monkeypatch.setenv(module.VARIABLE, str(program(bare / "named" / "mine", "2.3.0")))
-    found = find_pdal(setting)
-    assert (found.version, found.path) == ("2.3.0", bare / "named" / "mine")
-    assert module.VARIABLE in found.how
+    monkeypatch.setenv(module.VARIABLE, str(named))
+    assert (find_pdal().version, find_pdal().path) == ("2.3.0", named)
+    assert module.VARIABLE in find_pdal().how
+    for variable in (str(named), "none"):
+        monkeypatch.setenv(module.VARIABLE, variable)
+        assert (find_pdal(setting).version, find_pdal(setting).how) == ("2.4.0", "setting")
 
 
 @pytest.mark.parametrize(
@@ -236,3 +240,28 @@ def test_memory_can_be_limited(real_pdal, las_file, tmp_path):
     with pytest.raises((InputError, EngineError)):
         real_pdal.run(pipeline, memory_limit=30_000_000)
     assert not (tmp_path / "out.laz").exists()
+
+
+def test_a_pdal_that_hangs_is_ended_and_the_users_cloud_is_named(las_file, tmp_path):
+    hanging = tmp_path / "pdal"
+    hanging.write_text("#!/bin/sh\nsleep 600\n")
+    hanging.chmod(0o755)
+    pipeline = copy_pipeline(las_file(tmp_path / "part.las"), tmp_path / "out.las")
+    began = time.monotonic()
+    with pytest.raises(InputError, match=r"did not finish '.*slope\.las' within 0 minutes; clip the cloud"):
+        Pdal(hanging, "2.8.0", "test").run(pipeline, time_limit_s=1.0, cloud=tmp_path / "slope.las")
+    assert time.monotonic() - began < PATIENCE_S
+    assert not (tmp_path / "out.las").exists()
+
+
+def test_one_that_never_says_its_version_does_not_start(bare, monkeypatch):
+    monkeypatch.setattr(module, "_START_S", 0.5)
+    hanging = program(bare / "hanging", "2.8.0")
+    hanging.write_text("#!/bin/sh\nsleep 600\n")
+    with pytest.raises(InputError, match="does not start"):
+        find_pdal(hanging)
+
+
+def test_a_cloud_has_time_by_its_points():
+    assert time_limit_s(0) == 600.0
+    assert time_limit_s(100_000_000) == pytest.approx(600.0 + 20_000.0)

@@ -69,7 +69,7 @@ def test_what_is_no_mapping_is_named(tmp_path: Path, name: str, text: str, words
 
 
 def test_a_file_that_is_not_there_or_no_text(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="does not exist"):
         read_field_mapping(tmp_path / "gone.json")
     (tmp_path / "b.csv").write_bytes(b"ours,theirs\nroute,\xff\xfe\n")
     with pytest.raises(InputError, match="no text in UTF-8"):

@@ -60,6 +60,12 @@ say(event="result", outputs={{"ground": {str(output)!r}, "nothing": None}}, metr
     assert feedback.said("warning") == ["little stable ground"]
 
 
+def test_a_batch_of_which_slopes_failed_has_a_result_and_a_warning(fake_engine: Fake, feedback: Recorder) -> None:
+    fake_engine("say(event='result', outputs={}, metrics={'slopes_done': 1})\nsys.exit(3)")
+    assert run_engine(["batch"], feedback).metrics == {"slopes_done": 1}
+    assert feedback.said("warning") == ["Some slopes failed; the others have their results."]
+
+
 def test_lines_outside_the_protocol_do_no_harm(fake_engine: Fake, feedback: Recorder) -> None:
     fake_engine(
         """
@@ -115,6 +121,7 @@ def test_refused_options_show_the_last_line(fake_engine: Fake, feedback: Recorde
             "not installed",
         ),
         ("pass", EngineCrashedError, "without a result"),
+        ("sys.exit(3)", EngineCrashedError, "without a result"),
         ("say(event='result', outputs={'a': '/nowhere/a.tif'}, metrics={})", EngineCrashedError, "/nowhere/a.tif"),
         ("sys.exit(130)", EngineCancelledError, "interrupted"),
     ],

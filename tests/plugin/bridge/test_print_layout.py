@@ -12,6 +12,7 @@ from qgis.core import (
     QgsExpressionContextUtils,
     QgsFeature,
     QgsGeometry,
+    QgsLayoutItemLabel,
     QgsLayoutItemLegend,
     QgsPrintLayout,
     QgsProject,
@@ -48,6 +49,28 @@ def test_the_legend_stays_within_the_paper(qgis_app: Any, name: str, paper: str)
     legend.adjustBoxSize()
     right = legend.pos().x() + legend.rect().width()
     assert right <= PAPERS[paper][0] - 8.0
+    project.clear()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[% 1 + 1 %]", "a [%@project_folder%] b", "[[% 1 %]]", "[%%]", "[% 'it''s' %] [% \"x\" %]", "[% unfinished",
+        "50 %] of [it]", "$CURRENT_DATE", "$CURRENT_DATE(yyyy) [%\n1%]", "[%$CURRENT_DATE%]", "[", "%", "it's",
+    ],
+)  # fmt: skip
+def test_what_people_write_into_the_title_block_stays_text(qgis_app: Any, text: str) -> None:
+    project = QgsProject()
+    project.setCrs(QgsCoordinateReferenceSystem("EPSG:32651"))
+    layer = QgsVectorLayer("Polygon?crs=EPSG:32651", "z", "memory")
+    add_sheet(project, Sheet(text, f"{text}\n{text}", text, text, "A4"), EXTENT, [layer], None)
+    layout = project.layoutManager().layoutByName(LAYOUT)
+    labels = [item.currentText() for item in layout.items() if isinstance(item, QgsLayoutItemLabel)]
+    assert {text, f"{text}\n{text}"} <= set(labels)
+    (made,) = (label for label in labels if label.startswith("Made by: "))
+    assert made.startswith(f"Made by: {text}\n")
+    assert made.endswith(f"\n{text}")
+    assert "Scale 1 : [%" not in made
     project.clear()
 
 

@@ -23,6 +23,7 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.core.run_result import RunResult
 from slopewatch.interface.parameters import BatchParameters
+from slopewatch.interface.protocol import DONE, INPUT_REFUSED, SOME_FAILED
 from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.tests.builders.program import COMMAND
 from slopewatch.tests.builders.series_clouds import plane
@@ -318,9 +319,44 @@ def test_that_nothing_is_to_be_done_is_found_without_the_libraries_of_clouds(
         [sys.executable, "-c", LOOK_AGAIN, *map(str, words), "--no-retry-failed"],
         capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
-    assert done.stdout.splitlines()[-1:] == ["[] 0"], done.stderr
+    assert done.stdout.splitlines()[-1:] == [f"[] {SOME_FAILED}"], done.stderr
     assert "Nothing has changed" in done.stderr
     assert {name: (out / name).stat().st_mtime_ns for name in before} == before
+
+
+def test_the_exit_code_says_how_many_slopes_of_a_relative_folder_have_results(
+    corridor: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from slopewatch.tests.builders.program import run
+
+    slopes = tmp_path / "slopes"
+    region = geopandas.GeoDataFrame(geometry=[shapely.box(WEST, SOUTH, WEST + 30, SOUTH + 30)], crs=32651)
+    for name, clouds in (("B", ("b0.laz", "b1.laz")), ("C", ("c.laz", "b1.laz"))):
+        (slopes / name).mkdir(parents=True)
+        for month, cloud in enumerate(clouds, 1):
+            (slopes / name / f"2024-0{month}-01.laz").write_bytes((corridor / cloud).read_bytes())
+    region.translate(FAR).to_file(slopes / "B" / "roi.gpkg")
+    monkeypatch.chdir(tmp_path)
+    words = ["batch", "slopes", "--ground-ready", "--method=none", "--cell=0.5", "--no-displacement", "--workers=0"]
+    words.append("--no-screen-last-epoch")
+
+    some = run(*words, "--output-dir=out")
+    assert some.returncode == SOME_FAILED, some.stderr
+    assert states(Path("out"))["B"]["state"] == "done"
+    assert "1 slope failed" in some.stdout
+
+    (slopes / "B").rename("B")
+    none = run(*words, "--output-dir=none")
+    assert none.returncode == INPUT_REFUSED
+    assert none.stderr.splitlines()[-1].startswith("Error: No slope has results; correct the manifest or the surveys (")
+    assert none.stdout == ""
+    assert Path("none/corridor.html").is_file()
+
+    (slopes / "C").rename("C")
+    empty = run(*words, "--output-dir=empty")
+    assert (empty.returncode, Path("empty").exists()) == (INPUT_REFUSED, False)
+    Path("B").rename(slopes / "B")
+    assert run(*words, "--output-dir=out").returncode == DONE
 
 
 def test_other_results_are_refused_and_two_batches_do_not_share_a_folder(corridor: Path, tmp_path: Path) -> None:
