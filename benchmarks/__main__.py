@@ -42,6 +42,7 @@ NAMES = {
     "profile": "Where the processor time goes",
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
+    "series_alerts": "Alert levels of series: false alarms and lead times",
     "series_motion": "Series whose ground moves along its surface",
     "demchange": "Change between elevation models, beside xDEM",
     "corridor": "A corridor of slopes",

@@ -158,9 +158,14 @@ def _events(
     if run["command"] == "batch":
         alerts = next((layer for layer in held.layers if layer.name == "alerts"), None)
         return [] if alerts is None else _of_alerts(alerts, run, zones), []
-    asking = [z for z in zones if z["source"] != "series" or z["attention"] > 0]
+    asking = [z for z in zones if z["source"] != "series" or (z["attention"] > 0 and _leads(z))]
     calm = [z["id"] for z in zones if z["source"] == "series" and z["attention"] == 0]
     return [_of_zone(zone, run) for zone in asking], calm
+
+
+def _leads(zone: Mapping[str, Any]) -> bool:
+    """Whether a zone speaks for its body, which has one event."""
+    return zone["fields"].get("body") in (None, "", zone["zone_id"])
 
 
 def _of_zone(zone: Mapping[str, Any], run: Mapping[str, Any]) -> dict[str, Any]:

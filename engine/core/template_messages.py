@@ -80,7 +80,7 @@ def _sign(english: str, translate: Translate) -> str:
 _HAN = r"\u4e00-\u9fff"
 _FULL_STOP = re.compile(
     rf"(?:(?<=[{_HAN}）”])|(?<=</data>))\.(?=\s|<|$)"
-    rf"|(?<=[0-9A-Za-z])\.(?=\s*</(?:p|li|dd|td|span|footer|figcaption)>|\s+[{_HAN}])"
+    rf"|(?<=[0-9A-Za-z%])\.(?=\s*</(?:p|li|dd|td|span|footer|figcaption)>|\s+[{_HAN}])"
 )
 _BLANKS = re.compile(rf"(?<=[{_HAN}。，；：、）])[ \t\n]+(?=[{_HAN}（“])")
 

@@ -195,10 +195,10 @@ def corridor_alerts_qml(fields: Iterable[str], states: Sequence[str], entered: S
 
     Args:
         fields: of the layer.
-        states: raised, acknowledged and closed, as they are written.
+        states: raised, acknowledged, closed and withdrawn, as they are written.
         entered: fields that people fill in.
     """
-    looks = ((_ATTENTION[-2], 120), (_ATTENTION[2], 90), (_ATTENTION[0], 20))
+    looks = ((_ATTENTION[-2], 120), (_ATTENTION[2], 90), (_ATTENTION[0], 20), (_ATTENTION[0], 20))
     categories = [_outlined(state, f"Alert {state}", *look) for state, look in zip(states, looks, strict=True)]
     return _polygons_qml("corridor_alerts", _fields(fields), categories, states=states, entered=entered)
 

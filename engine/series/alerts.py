@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+from scipy.special import ndtri
+
 from ..core.errors import InputError
 from ..core.messages import quoted, shown
 from ..core.table_text import cell, text_of
@@ -26,21 +28,30 @@ COLUMNS = (
     "tangent_angle_deg",
     "failure_within_days",
     "single_volume_m3",
+    "chance_percent",
+    "quiet_surveys",
     "action",
 )
 _COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
 # Limits of a column that must not fall, or must not rise, from level to level: else a level could never be reached.
 _RISING = ("epochs_confirmed", "rate_mm_day", "tangent_angle_deg", "single_volume_m3")
+_FALLING = ("failure_within_days", "chance_percent")
+DEFAULT_CHANCE_PERCENT, DEFAULT_QUIET_SURVEYS = 2.5, 2
 
 
 @dataclass(frozen=True)
 class AlertLevel:
     """One line of the table. A threshold that is None does not count.
 
-    A zone reaches the level when at least ``epochs_confirmed`` comparisons in a row confirm it and one of the
-    thresholds ``rate_mm_day`` (at least, in size), ``tangent_angle_deg`` (at least) and ``failure_within_days`` (the
-    earliest failure at most so many days after the last survey) is reached, or none of the three is given. Without
-    confirmation it reaches the level when its volume is at least ``single_volume_m3``.
+    A zone reaches the level when at least ``epochs_confirmed`` comparisons in a row, up to the last, confirm it and one
+    of the thresholds ``rate_mm_day`` (at least, in size), ``tangent_angle_deg`` (at least) and ``failure_within_days``
+    (the whole interval of the failure at most so many days after the last survey) is reached, or none of the three is
+    given. Without confirmation it reaches the level when the volume since the survey before is at least
+    ``single_volume_m3``.
+
+    ``chance_percent`` is the chance that errors alone pass a test: rate and volume must exceed their thresholds, and
+    angle and failure need a motion that gets faster, beyond it. The level falls after ``quiet_surveys``
+    surveys in a row that do not reach it.
     """
 
     level: int
@@ -51,26 +62,40 @@ class AlertLevel:
     tangent_angle_deg: float | None
     failure_within_days: float | None
     single_volume_m3: float | None
+    chance_percent: float
+    quiet_surveys: int
     action: str
+
+    @property
+    def normal_quantile(self) -> float:
+        """Standard errors that a figure must be beyond its threshold."""
+        return float(-ndtri(self.chance_percent / 100.0))
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known of a zone after the last survey.
+    """What is known of a zone after a survey.
 
-    ``rate_mm_day`` is None unless its 95 % interval leaves out zero; ``tangent_angle_deg`` unless it can be computed
-    and the last velocity is larger than the one before beyond chance; ``failure_in_days`` (from the last survey to
-    the interval's earliest time) unless it can be computed. ``volume_m3`` is the net volume against the first survey, 0
-    unless it is beyond its own level of detection. ``along_surface``: all of it is of the motion along the surface, not
-    of the heights.
+    ``change_sigmas``: standard errors by which the mean change of the comparisons in a row is beyond zero.
+    ``rate_mm_day`` is its current velocity, positive away from the first survey, and ``rate_err`` the standard error;
+    ``tangent_angle_deg`` and ``failure_in_days`` (the interval, from the last survey) are None where they cannot be
+    computed, and ``steady_chance`` is the chance that a steady motion is surveyed like this.
+    ``volume_m3`` is what it lost or gained since the survey before, further away from the first survey, and
+    ``volume_err`` its standard error. ``along_surface``: all of it is of the motion along the surface, not of the
+    heights. ``at_rest``: it moved before and does not now.
     """
 
     epochs_confirmed: int
-    rate_mm_day: float | None
-    tangent_angle_deg: float | None
-    failure_in_days: float | None
-    volume_m3: float
+    change_sigmas: float = 0.0
+    rate_mm_day: float | None = None
+    rate_err: float = 0.0
+    tangent_angle_deg: float | None = None
+    failure_in_days: tuple[float, float] | None = None
+    steady_chance: float = 1.0
+    volume_m3: float = 0.0
+    volume_err: float = 0.0
     along_surface: bool = False
+    at_rest: bool = False
 
 
 def read_alerts(path: Path | None) -> tuple[AlertLevel, ...]:
@@ -137,6 +162,8 @@ def _level(values: dict[str, str], place: str) -> AlertLevel:
 
     level = number("level", high=99, whole=True)
     confirmed = number("epochs_confirmed", low=1, whole=True)
+    chance = number("chance_percent", low=0.0001, high=25)
+    quiet = number("quiet_surveys", low=1, high=99, whole=True)
     if level is None:
         raise InputError(f"{place}: level is empty; give 0, 1, 2 and so on.")
     if not values["name"]:
@@ -152,6 +179,8 @@ def _level(values: dict[str, str], place: str) -> AlertLevel:
         tangent_angle_deg=number("tangent_angle_deg", high=90),
         failure_within_days=number("failure_within_days"),
         single_volume_m3=number("single_volume_m3"),
+        chance_percent=DEFAULT_CHANCE_PERCENT if chance is None else chance,
+        quiet_surveys=DEFAULT_QUIET_SURVEYS if quiet is None else int(quiet),
         action=text_of(values["action"]),
     )
 
@@ -162,12 +191,12 @@ def _check_order(levels: list[AlertLevel], name: str) -> None:
     if len({row.name for row in levels}) < len(levels):
         raise InputError(f"{name}: two levels have the same name; give each its own.")
     thresholds = (*_RISING, "failure_within_days")
-    for column in thresholds:
-        if getattr(levels[0], column) is not None:
+    for column in (*thresholds, "chance_percent"):
+        if column in thresholds and getattr(levels[0], column) is not None:
             raise InputError(f"{name}: level 0 has a {column}; leave it empty, because it is what all zones have.")
         given = [(row.level, getattr(row, column)) for row in levels if getattr(row, column) is not None]
         for (low, first), (high, second) in pairwise(given):
-            if second > first if column == "failure_within_days" else second < first:
+            if second > first if column in _FALLING else second < first:
                 raise InputError(
                     f"{name}: {column} of level {high} ({second:g}) is easier to reach than that of level {low} "
                     f"({first:g}); correct one of them."
@@ -187,32 +216,37 @@ def alert_of(evidence: Evidence, table: tuple[AlertLevel, ...]) -> tuple[AlertLe
 
 
 def _reached(evidence: Evidence, row: AlertLevel) -> str:
-    volume = abs(evidence.volume_m3)
-    if row.single_volume_m3 is not None and volume > 0 and volume >= row.single_volume_m3:
-        return f"volume {volume:.1f} m³, at least {row.single_volume_m3:g}"
+    """By which test a zone reaches a level; empty where it does not."""
+    beyond, volume = row.normal_quantile, evidence.volume_m3
+    chance = f"{row.chance_percent:g} %"
+    least = volume - beyond * evidence.volume_err
+    if row.single_volume_m3 is not None and volume and least >= row.single_volume_m3:
+        return (
+            f"volume {volume:.1f} m³ since the survey before, beyond {row.single_volume_m3:g} "
+            f"with an error chance of {chance}"
+        )
     comparisons = (row.epochs_confirmed, row.rate_mm_day, row.tangent_angle_deg, row.failure_within_days)
     if all(limit is None for limit in comparisons) or evidence.epochs_confirmed < (row.epochs_confirmed or 1):
         return ""
+    reason = ""
     rate, angle, left = evidence.rate_mm_day, evidence.tangent_angle_deg, evidence.failure_in_days
-    along = evidence.along_surface
-    if row.failure_within_days is not None and left is not None and left <= row.failure_within_days:
-        most = f"{row.failure_within_days:g}"
-        if along:
-            return f"along the surface: failure possible from {left:.0f} days after the last survey, at most {most}"
-        return f"failure possible from {left:.0f} days after the last survey, at most {most}"
-    if row.tangent_angle_deg is not None and angle is not None and angle >= row.tangent_angle_deg:
-        least = f"{row.tangent_angle_deg:g}"
-        if along:
-            return f"along the surface: tangent angle {angle:.0f} degrees, at least {least}"
-        return f"tangent angle {angle:.0f} degrees, at least {least}"
-    if row.rate_mm_day is not None and rate is not None and abs(rate) >= row.rate_mm_day:
-        least = f"{row.rate_mm_day:g}"
-        if along:
-            return f"along the surface: rate {abs(rate):.2f} mm/day, at least {least}"
-        return f"rate {abs(rate):.2f} mm/day, at least {least}"
-    if all(limit is None for limit in comparisons[1:]):
-        count = evidence.epochs_confirmed
-        if along:
-            return f"motion along the surface confirmed by {count} comparisons, at least {row.epochs_confirmed}"
-        return f"confirmed by {count} comparisons, at least {row.epochs_confirmed}"
-    return ""
+    faster = evidence.steady_chance <= row.chance_percent / 100.0
+    steady = f"{100 * evidence.steady_chance:.2g} %"
+    if row.failure_within_days is not None and left is not None and faster and left[1] <= row.failure_within_days:
+        reason = (
+            f"failure {left[0]:.0f} to {left[1]:.0f} days after the survey, within {row.failure_within_days:g}; "
+            f"a steady motion looks so with a chance of {steady}"
+        )
+    elif row.tangent_angle_deg is not None and angle is not None and faster and angle >= row.tangent_angle_deg:
+        reason = (
+            f"tangent angle {angle:.0f} degrees, at least {row.tangent_angle_deg:g}; "
+            f"a steady motion looks so with a chance of {steady}"
+        )
+    elif row.rate_mm_day is not None and rate is not None and rate - beyond * evidence.rate_err >= row.rate_mm_day:
+        reason = f"rate {rate:.2f} mm/day, beyond {row.rate_mm_day:g} with an error chance of {chance}"
+    elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond and not evidence.at_rest:
+        reason = (
+            f"confirmed by {evidence.epochs_confirmed} comparisons, at least {row.epochs_confirmed}, "
+            f"with an error chance of {chance}"
+        )
+    return f"along the surface: {reason}" if reason and evidence.along_surface else reason

@@ -21,9 +21,11 @@ from ..zones.confidence import SureGroups, sure_groups
 from ..zones.groups import label_groups
 from ..zones.volumes import CorrelationModel
 from .alerts import AlertLevel
+from .bodies import with_bodies
 from .comparisons import GriddedEpoch, compared
 from .joined import cells_of as joined_cells
 from .joined import joined_zones
+from .judged import judged_zones
 from .motion.windows import Layout
 from .motion.zones import MovingGround
 from .persistence import confirmed_cells
@@ -87,7 +89,7 @@ def analyse(
         zone_series(track, of_zone, stack.days, alerts, minimum_area=zone_parameters.minimum_area)
         for track, of_zone in zip(living, means, strict=True)
     ]
-    zones = tuple(z for z in found if z.epochs_confirmed > 0)
+    zones = with_bodies(judged_zones([z for z in found if z.confirmed.any()], stack.days, cumulative, alerts), grid)
     confirmed = confirmed_cells(stack.change[1:], levels)
     return Analysis(
         cumulative, incremental, stack, tracks, zones, confirmed, len(found) - len(zones), tuple(correlations)
@@ -122,7 +124,9 @@ def with_ground(
         return analysis
     means = zone_means([c for _, c in placed], analysis.cumulative, analysis.correlations, parameters.bridged_gap)
     measured = [(one, of_one) for (one, _), of_one in zip(placed, means, strict=True)]
-    return replace(analysis, zones=joined_zones(analysis.zones, measured, layout, grid, analysis.stack.days, alerts))
+    days = analysis.stack.days
+    zones = joined_zones(analysis.zones, measured, layout, grid, days, alerts)
+    return replace(analysis, zones=with_bodies(judged_zones(zones, days, analysis.cumulative, alerts), grid))
 
 
 def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change]) -> Stack:

@@ -8,34 +8,44 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from ..core.arrays import Float
-from ..statistics.normal import Z95
+from .acceleration import MIN_SURVEYS, Acceleration, acceleration
 
-_MIN_EPOCHS, _MIN_VELOCITIES = 4, 3
-_MAX_FAILURE_SPANS = 10.0  # of the failure, in durations of the accelerating motion after the last survey
-_MIN_FIT_PROBABILITY = 0.01  # a fit that chance would make worse in fewer cases than this is no straight line of 1/v
-_END_COUNT = 4000
+EXPONENTS = (1.5, 2.5)
+"""Range of the exponent alpha of Voight's law; 2 is Fukuzono's straight line of 1/v."""
+_EXPONENT_COUNT = 31
+MAX_CHANCE = 0.001
+"""That a steady motion looks accelerating: with more no failure time is given."""
+_MAX_FAILURE_SPANS = 10.0  # of the failure, in durations of the fitted motion after the last survey
+_MIN_FIT_PROBABILITY = 0.05  # a fit that chance would make worse in fewer cases than this is refused
+_END_COUNT = 600
 
 
 @dataclass(frozen=True)
 class FailureTime:
-    """95 % interval of the failure, in days since the first survey; both None where it is ``reason`` why not."""
+    """95 % interval of the failure, in days since the first survey; both None where it is ``reason`` why not.
+
+    ``chance`` that a steady motion is surveyed like this (see ``acceleration``).
+    """
 
     earliest: float | None
     latest: float | None
     reason: str
+    chance: float = 1.0
 
 
-def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
-    """Interval of the failure time by Fukuzono's law with alpha = 2, where 1/v falls linearly to zero.
+def failure_time(
+    days: Float, change: Float, variance: Float, exponents: tuple[float, float] = EXPONENTS
+) -> FailureTime:
+    """Interval of the failure time by Voight's law, v' = A v^alpha, with alpha anywhere in ``exponents``.
 
-    The law's integral, x = c - ln(t_f - t) / a, is fitted to the displacements rather than 1/v to a line: the surveys'
-    errors are independent, those of the velocities between them are not, and a mean velocity is not that of the
-    interval's middle. The interval holds all t_f whose chi-square is at most that of the best one plus 3.84 (times the
-    reduced chi-square where that is above one).
+    The law's integral is fitted to the displacements rather than 1/v to a line: the surveys' errors are independent,
+    those of the velocities between them are not, and a mean velocity is not that of the interval's middle. It is
+    fitted to as many of the last surveys as it fits best, because a motion is steady before it follows the law; to five
+    at least: three unknowns and two degrees of freedom.
+    The interval holds all times whose chi-square is at most that of the best one plus 3.84 (times the reduced
+    chi-square where that is above one) with any of the exponents.
 
-    Only where the last surveys in a row, at least four, have velocities beyond their level of detection (1.96 times
-    their error), of one sign, each larger than the one before; where the law fits; and where the interval ends, that
-    is, where the motion can be distinguished from a steady one.
+    Only where ``acceleration`` finds the motion faster beyond ``MAX_CHANCE``, and where the interval ends.
 
     Args:
         days: (n,) days of the surveys since the first.
@@ -43,52 +53,49 @@ def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
         variance: (n,) each survey's own variance, m².
 
     Sources: Fukuzono 1985 (Proc. 4th Int. Conf. Field Workshop on Landslides, 145-150); Voight 1989
-    (doi:10.1126/science.243.4888.200).
+    (doi:10.1126/science.243.4888.200); exponents: Intrieri et al. 2019 (doi:10.1016/j.earscirev.2019.03.019).
     """
+    found = acceleration(days, change, variance)
+    if found.reason:
+        return _not(found.reason, found)
+    if found.chance > MAX_CHANCE:
+        return _not("a steady motion explains the surveys", found)
     known = np.isfinite(change) & np.isfinite(variance) & (variance > 0)
     t, x, v = days[known], change[known], variance[known]
-    if len(t) < _MIN_EPOCHS:
-        return _not(f"{len(t)} surveys, at least {_MIN_EPOCHS} are needed")
-    dt = np.diff(t)
-    speed = np.diff(x) / dt
-    beyond = np.abs(speed) > Z95 * np.sqrt(v[1:] + v[:-1]) / dt
-    if not beyond[-1]:
-        return _not("the last velocity is not above its level of detection")
-    size = np.abs(speed)
-    start = len(speed) - 1
-    while start > 0 and beyond[start - 1] and speed[start - 1] * speed[-1] > 0 and size[start - 1] < size[start]:
-        start -= 1
-    run = len(speed) - start
-    if run < _MIN_VELOCITIES:
-        if len(speed) > run and size[-1] <= size[-2]:
-            return _not("the motion does not get faster")
-        return _not(
-            f"{run} velocities in a row that grow and are above their level of detection, {_MIN_VELOCITIES} are needed"
-        )
-    return _interval(t[start:], x[start:], v[start:])
+    fits = []
+    for start in range(len(t) - MIN_SURVEYS + 1):
+        left, misfit = _misfits(t[start:], x[start:], v[start:], exponents)
+        degrees = len(t) - start - 3
+        fits.append((float(chdtrc(degrees, misfit.min())), degrees, left, misfit.min(axis=0)))
+    probability, degrees, left, best = max(fits, key=lambda fit: fit[0])
+    if probability < _MIN_FIT_PROBABILITY:
+        return _not("no law of failure fits the surveys", found)
+    return _interval(t, left, best, degrees, found)
 
 
-def _interval(t: Float, x: Float, v: Float) -> FailureTime:
+def _misfits(t: Float, x: Float, v: Float, exponents: tuple[float, float]) -> tuple[Float, Float]:
+    """Days left (m,), evenly in their logarithm, and chi-square (exponents, m) of failures after so many days."""
     span = float(t[-1] - t[0])
-    # evenly in the logarithm of the time left: 1/1000 of the span to _MAX_FAILURE_SPANS spans
     left = span * np.geomspace(1e-3, _MAX_FAILURE_SPANS, _END_COUNT)
-    misfit = _misfit(t, x, v, float(t[-1]) + left)
+    count = 1 if exponents[0] == exponents[1] else _EXPONENT_COUNT
+    return left, np.stack([_misfit(t, x, v, float(t[-1]) + left, a) for a in np.linspace(*exponents, count)])
+
+
+def _interval(t: Float, left: Float, misfit: Float, degrees: int, found: Acceleration) -> FailureTime:
     best = float(misfit.min())
-    degrees = len(t) - 3
-    if degrees > 0 and float(chdtrc(degrees, best)) < _MIN_FIT_PROBABILITY:
-        return _not("the inverse velocity does not fall along a straight line")
-    allowed = best + float(chdtri(1, 0.05)) * max(1.0, best / degrees if degrees > 0 else 1.0)
-    inside = np.flatnonzero(misfit <= allowed)
+    inside = np.flatnonzero(misfit <= best + float(chdtri(1, 0.05)) * max(1.0, best / degrees))
     if inside[-1] == len(left) - 1:
-        return _not("the motion cannot be distinguished from a steady one")
+        return _not("the failure may be any time ahead", found)
     # what lies between two steps counts as inside
     earliest = 0.0 if inside[0] == 0 else float(left[inside[0] - 1])
-    return FailureTime(float(t[-1]) + earliest, float(t[-1]) + float(left[inside[-1] + 1]), "")
+    last = float(t[-1])
+    return FailureTime(last + earliest, last + float(left[inside[-1] + 1]), "", found.chance)
 
 
-def _misfit(t: Float, x: Float, v: Float, ends: Float) -> Float:
-    """Chi-square (m,) of the best c and a for a failure at each of ``ends`` (m,)."""
-    u = -np.log(ends[:, None] - t)
+def _misfit(t: Float, x: Float, v: Float, ends: Float, exponent: float) -> Float:
+    """Chi-square (m,) of the best place and size of the motion for a failure at each of ``ends`` (m,)."""
+    left, power = ends[:, None] - t, 1.0 - 1.0 / (exponent - 1.0)
+    u = -np.log(left) if abs(power) < 1e-9 else -(left**power) * np.sign(power)
     weight = 1.0 / v
     du = u - (u @ weight / weight.sum())[:, None]
     dx = x - np.average(x, weights=weight)
@@ -97,5 +104,5 @@ def _misfit(t: Float, x: Float, v: Float, ends: Float) -> Float:
     return rest
 
 
-def _not(reason: str) -> FailureTime:
-    return FailureTime(None, None, f"not computable: {reason}")
+def _not(reason: str, found: Acceleration) -> FailureTime:
+    return FailureTime(None, None, f"not computable: {reason}", found.chance)

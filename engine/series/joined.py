@@ -10,10 +10,9 @@ import numpy as np
 from ..core.arrays import Float, Index
 from ..grid.grid import Grid
 from ..statistics.normal import Z95
-from .alerts import AlertLevel, alert_of
+from .alerts import AlertLevel
 from .motion.windows import Layout
 from .motion.zones import MovingGround
-from .persistence import longest_run
 from .tracking import Sighting, Track
 from .zone_means import ZoneMeans
 from .zone_series import FOUND_BY, Course, SurfaceMotion, ZoneSeries, zone_series
@@ -43,12 +42,12 @@ def joined_zones(
     taken: dict[int, int] = {}
     for number, other in _matches([zone.cells for zone in zones], [means.cells for _, means in ground]):
         taken[number] = other
-    found = [with_motion(zone, *ground[taken[n]], days, alerts) if n in taken else zone for n, zone in enumerate(zones)]
+    found = [with_motion(zone, *ground[taken[n]], days) if n in taken else zone for n, zone in enumerate(zones)]
     for number, (one, means) in enumerate(ground):
         if number not in taken.values():
             own = zone_series(_track(one, means, layout, grid), means, days, alerts, minimum_area=np.inf)
-            own = replace(own, found_by=FOUND_BY[1], alert=alerts[0], alert_reason="")
-            found.append(with_motion(own, one, means, days, alerts))
+            own = replace(own, found_by=FOUND_BY[1])
+            found.append(with_motion(own, one, means, days))
     return tuple(found)
 
 
@@ -81,25 +80,13 @@ def _matches(zones: Sequence[Index], ground: Sequence[Index]) -> list[tuple[int,
     return found
 
 
-def with_motion(
-    zone: ZoneSeries, ground: MovingGround, means: ZoneMeans, days: Float, alerts: tuple[AlertLevel, ...]
-) -> ZoneSeries:
-    """A zone with the motion of its ground, and with the higher alert of both."""
+def with_motion(zone: ZoneSeries, ground: MovingGround, means: ZoneMeans, days: Float) -> ZoneSeries:
+    """A zone with the motion of its ground."""
     along, error = ground.along, ground.along_error
     course = Course.of(days, along, ground.along_variance)
     with np.errstate(invalid="ignore"):
         moved = np.nan_to_num(along) > Z95 * np.nan_to_num(error, nan=np.inf)
     moved[0] = False
-    measured = np.isfinite(along)
-    run = longest_run(moved[1:].tolist(), measured[1:].tolist())
-    evidence = replace(course.evidence(run, float(days[-1])), along_surface=True)
-    alert, reason = alert_of(evidence, alerts)
-    leads = alert.level > zone.alert.level or (
-        alert.level == zone.alert.level
-        and _sureness(course) >= _sureness(Course(zone.velocity, zone.angle, zone.failure))
-    )
-    if leads:
-        zone = replace(zone, alert=alert, alert_reason=reason)
     if zone.found_by == FOUND_BY[0] and ground.found < int(np.argmax(zone.confirmed)):
         # the motion showed it first: it keeps the name that it had then
         zone = replace(zone, track=replace(zone.track, zone_id=ground.zone_id))
@@ -107,14 +94,8 @@ def with_motion(
         zone,
         confirmed=zone.confirmed | moved,
         found_by=FOUND_BY[1] if zone.found_by == FOUND_BY[1] else FOUND_BY[2],
-        motion=SurfaceMotion(ground, means.cells, course, moved, leads),
+        motion=SurfaceMotion(ground, means.cells, course, moved, zone.confirmed),
     )
-
-
-def _sureness(course: Course) -> float:
-    """Standard errors by which the velocity is away from zero."""
-    velocity = course.velocity
-    return 0.0 if velocity is None or not velocity.error else abs(velocity.rate) / velocity.error
 
 
 def _track(one: MovingGround, means: ZoneMeans, layout: Layout, grid: Grid) -> Track:

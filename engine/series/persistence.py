@@ -1,4 +1,4 @@
-"""Persistence: how many comparisons in a row confirm a change."""
+"""Persistence: how many comparisons in a row confirm a change, and whether its motion has come to rest."""
 
 from __future__ import annotations
 
@@ -8,20 +8,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
+from ..statistics.normal import Z95
+from .velocity import fit_line
 
 
-def longest_run(confirmed: Sequence[bool], measured: Sequence[bool]) -> int:
-    """Largest number of comparisons in a row that confirm; one without a measurement neither counts nor breaks."""
-    best = run = 0
+def current_run(confirmed: Sequence[bool], measured: Sequence[bool]) -> int:
+    """Number of the last comparisons in a row that confirm; one without a measurement neither counts nor breaks."""
+    run = 0
     for yes, known in zip(confirmed, measured, strict=True):
         if known:
             run = run + 1 if yes else 0
-            best = max(best, run)
-    return best
+    return run
+
+
+def is_at_rest(days: Float, change: Float, variance: Float, quiet: int) -> bool:
+    """Whether what moved before has come to rest: ``quiet`` intervals or more up to the last survey show no motion.
+
+    Their velocity is not significant, and with its 95 % interval it is below half of the velocity that the motion
+    had beyond chance between any two surveys. A creep that is too slow to show between two surveys is not at rest.
+
+    Args:
+        days, change, variance: as for ``velocity.zone_velocity``, (n,) each.
+    """
+    known = np.isfinite(change) & np.isfinite(variance) & (variance > 0)
+    t, x, v = days[known], change[known], variance[known]
+    first, last = np.triu_indices(len(t), 1)
+    if len(t) < quiet + 2:
+        return False
+    dt = t[last] - t[first]
+    fastest = float(np.max((np.abs(x[last] - x[first]) - Z95 * np.sqrt(v[last] + v[first])) / dt))
+    for start in range(1, len(t) - quiet):
+        line = fit_line(t[start:], x[start:], v[start:])
+        if abs(line.slope) <= Z95 * line.error and abs(line.slope) + Z95 * line.error < fastest / 2:
+            return True
+    return False
 
 
 def confirmed_cells(change: Sequence[Float], level: Sequence[Float]) -> NDArray[np.int64]:
-    """``longest_run`` in each cell (rows, columns): comparisons beyond the level with one sign.
+    """Longest run in each cell (rows, columns) of comparisons beyond the level with one sign.
 
     Args:
         change, level: of the differences to the first survey, metres; NaN where not measured.

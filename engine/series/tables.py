@@ -32,7 +32,7 @@ from .zone_series import ZoneSeries
 ZONE_FIELDS = field_kinds("""
     text: zone_id
     integer: alert_level
-    text: alert alert_reason action slope_id route
+    text: alert alert_state alert_since alert_reason action body slope_id route
     real: chain_from chain_to
     text: side carriageway
     real: offset_m offset_mid_m
@@ -61,6 +61,8 @@ SERIES_FIELDS = field_kinds("""
     integer: days_before
     real: step_m step_err_m rate_mm_day rate_err
     text: event
+    integer: alert_level
+    text: alert_state alert_reason
 """)
 
 
@@ -166,11 +168,10 @@ def zone_polygon(cells: NDArray[np.int64], grid: Grid) -> Any:
 
 
 def status_of(zone: ZoneSeries) -> str:
-    """active: the last survey confirms it; new: it alone does; quiet: not any more; unconfirmed: one earlier did."""
-    last = bool(zone.confirmed[zone.last])
-    if zone.epochs_confirmed < 2:
-        return "new" if last else "unconfirmed"
-    return "active" if last else "quiet"
+    """active: the last survey confirms it; new: it alone does; quiet: two or more did; unconfirmed: one earlier did."""
+    if zone.confirmed[zone.last]:
+        return "new" if zone.epochs_confirmed < 2 else "active"
+    return "unconfirmed" if np.count_nonzero(zone.confirmed) < 2 else "quiet"
 
 
 def _column(values: list[Any], kind: str) -> NDArray:
@@ -194,7 +195,9 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "zone_id": zone.track.zone_id,
         "alert_level": zone.alert.level,
         "alert": zone.alert.name,
+        **_alert_columns(zone, about),
         "alert_reason": zone.alert_reason,
+        "body": zone.body,
         "action": zone.alert.action,
         "epoch_from": first.isoformat(),
         "epoch_to": about.dates[last].isoformat(),
@@ -234,6 +237,16 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
     row |= _velocity_columns(zone, about) | _motion_columns(zone)
     row["rate_last"], row["rate_last_err"] = _step(zone, last, about)[3:]
     return row
+
+
+def _alert_columns(zone: ZoneSeries, about: About) -> dict[str, Any]:
+    """State of the level, and the survey since which the zone has that level; nothing before it is judged."""
+    if zone.history is None:
+        return {}
+    levels = zone.history.levels
+    since = max((i for i in range(1, len(levels)) if levels[i] != levels[i - 1]), default=None)
+    state = zone.history.states[-1]
+    return {"alert_state": state, "alert_since": about.dates[since].isoformat() if state and since else ""}
 
 
 def _velocity_columns(zone: ZoneSeries, about: About) -> dict[str, Any]:
@@ -312,9 +325,18 @@ def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
         "rate_mm_day": rate,
         "rate_err": rate_error,
         "event": event,
+        **_level_columns(zone, i),
         "time_from": about.dates[i - 1] + timedelta(days=1),
         "time_to": about.dates[i],
     }
+
+
+def _level_columns(zone: ZoneSeries, i: int) -> dict[str, Any]:
+    """Alert level of the zone after a survey."""
+    if zone.history is None:
+        return {}
+    names = {"alert_level": "levels", "alert_state": "states", "alert_reason": "reasons"}
+    return {column: getattr(zone.history, name)[i] for column, name in names.items()}
 
 
 def _known(ground: MovingGround, i: int) -> tuple[float | None, float | None]:

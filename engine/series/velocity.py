@@ -64,6 +64,20 @@ def fit_line(days: Float, y: Float, variance: Float) -> Line:
     return Line(slope, spread**-0.5, float(np.sum(weight * rest**2)))
 
 
+def current_velocity(days: Float, change: Float, variance: Float) -> Line | None:
+    """The line through the most surveys up to the last that it fits; None with fewer than two surveys.
+
+    A steady motion has all of its surveys, one that gets faster or slower the last ones.
+    """
+    known = np.isfinite(change) & np.isfinite(variance) & (variance > 0)
+    t, x, v = days[known], change[known], variance[known]
+    for start in range(len(t) - 1):
+        line = fit_line(t[start:], x[start:], v[start:])
+        if _accepted(line.misfit, len(t) - start - 2):
+            return line
+    return None
+
+
 def zone_velocity(days: Float, change: Float, variance: Float) -> Velocity | None:
     """Velocity of a zone since its onset; None with fewer than two surveys.
 
@@ -87,7 +101,7 @@ def zone_velocity(days: Float, change: Float, variance: Float) -> Velocity | Non
     if len(t) > 3:
         later = np.linspace(t[0], t[-2], _ONSET_COUNT + 1)[1:]
         onsets, prior = np.append(onsets, later), np.append([0.5], np.full(_ONSET_COUNT, 0.5 / _ONSET_COUNT))
-    rate, error, misfit, volume = _ramps(t, y, v, onsets)
+    rate, error, misfit, volume = ramps(t, y, v, onsets)
     degrees = len(t) - (2 if len(onsets) == 1 else 3)
     widened = max(1.0, float(misfit.min()) / degrees) if degrees > 0 else 1.0
     error = error * widened**0.5
@@ -112,7 +126,7 @@ def zone_velocity(days: Float, change: Float, variance: Float) -> Velocity | Non
     )
 
 
-def _ramps(t: Float, y: Float, v: Float, onsets: Float) -> tuple[Float, Float, Float, Float]:
+def ramps(t: Float, y: Float, v: Float, onsets: Float) -> tuple[Float, Float, Float, Float]:
     """For each onset (m,): velocity, its error, chi-square, and the square root of the covariance's determinant."""
     x = np.maximum(t - onsets[:, None], 0.0)
     weight = 1.0 / v

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from ..core.arrays import Float, Index
 from ..statistics.normal import Z95
 from ..zones.fields import KINDS, SLIDING
-from .alerts import AlertLevel, Evidence, alert_of
-from .inverse_velocity import FailureTime, failure_time
+from .alerts import AlertLevel
+from .inverse_velocity import MAX_CHANCE, FailureTime, failure_time
+from .level_history import LevelHistory
 from .motion.zones import MovingGround
-from .persistence import longest_run
+from .persistence import current_run
+from .tangent_angle import LEVELS as TANGENT_LEVELS
 from .tangent_angle import TangentAngle, tangent_angle
 from .tracking import Track
 from .velocity import Velocity, zone_velocity
@@ -53,24 +55,17 @@ class Course:
         """From displacements (n,) and their own variances, as for ``zone_velocity``."""
         velocity = zone_velocity(days, change, variance)
         start = 0 if velocity is None or velocity.onset is None else velocity.onset[1]
-        return cls(velocity, tangent_angle(days, change, variance, start), failure_time(days, change, variance))
-
-    def evidence(self, confirmed: int, last_day: float, volume: float = 0.0) -> Evidence:
-        """For the alert table: ``confirmed`` comparisons in a row, and the net volume, m³."""
-        velocity, angle, failure = self.velocity, self.angle, self.failure
-        return Evidence(
-            epochs_confirmed=confirmed,
-            rate_mm_day=1000.0 * velocity.rate if velocity is not None and velocity.significant else None,
-            tangent_angle_deg=angle.degrees if angle.level not in ("", "blue") else None,
-            failure_in_days=None if failure.earliest is None else failure.earliest - last_day,
-            volume_m3=volume,
-        )
+        failure, angle = failure_time(days, change, variance), tangent_angle(days, change, variance, start)
+        if angle.level and failure.chance > MAX_CHANCE:
+            angle = replace(angle, level=TANGENT_LEVELS[0])  # not faster than a steady motion may look
+        return cls(velocity, angle, failure)
 
 
 @dataclass(frozen=True)
 class SurfaceMotion:
     """The motion of a zone along the surface: of which ``ground``, its ``course``, and ``confirmed`` (n,) by which
-    surveys. ``leads``: its course, not that of the heights, decides the zone's alert.
+    surveys; ``heights_confirmed`` by which surveys the heights do. ``leads``: its course, not that of the heights,
+    decides the zone's alert.
 
     ``cells`` (flat indices in the grid of the changes) are those of the ground that moves.
     """
@@ -79,7 +74,8 @@ class SurfaceMotion:
     cells: Index
     course: Course
     confirmed: NDArray[np.bool_]
-    leads: bool
+    heights_confirmed: NDArray[np.bool_]
+    leads: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,6 +85,8 @@ class ZoneSeries:
     ``means`` hold the zone's ground, which its polygon, area, mean change and volume are all of, and what each survey
     measured there; ``confirmed`` whether the survey confirms the zone. ``velocity``, ``angle`` and ``failure`` are of
     the heights; ``motion`` is that along the surface, where there is any, and ``found_by`` one of ``FOUND_BY``.
+    ``history``: its alert level after each survey, None before it is judged; ``body``: the zone whose alert it shares
+    (see ``bodies``).
     """
 
     track: Track
@@ -101,6 +99,8 @@ class ZoneSeries:
     alert_reason: str
     found_by: str = FOUND_BY[0]
     motion: SurfaceMotion | None = None
+    history: LevelHistory | None = None
+    body: str = ""
 
     @property
     def kind(self) -> str:
@@ -149,7 +149,7 @@ class ZoneSeries:
 
     @property
     def epochs_confirmed(self) -> int:
-        return longest_run(self.confirmed[1:].tolist(), (self.measured[1:] > 0).tolist())
+        return current_run(self.confirmed[1:].tolist(), (self.measured[1:] > 0).tolist())
 
     @property
     def last(self) -> int:
@@ -175,9 +175,4 @@ def zone_series(
         confirmed = seen & beyond & (np.sign(change) == track.sign)
     confirmed[0] = False
     course = Course.of(days, change, variance)
-    known_last = np.flatnonzero(np.isfinite(change))
-    last = int(known_last[-1]) if len(known_last) else 0
-    volume = float(means.volume[last]) if last > 0 and beyond[last] else 0.0
-    run = longest_run(confirmed[1:].tolist(), (means.measured[1:] > 0).tolist())
-    alert, reason = alert_of(course.evidence(run, float(days[-1]), volume), alerts)
-    return ZoneSeries(track, means, confirmed, course.velocity, course.angle, course.failure, alert, reason)
+    return ZoneSeries(track, means, confirmed, course.velocity, course.angle, course.failure, alerts[0], "")

@@ -1,4 +1,4 @@
-"""Alerts as events: raised by a zone, acknowledged and closed by people or by a later survey, never forgotten."""
+"""Alerts as events: raised by a zone, acknowledged and closed by people, closed or withdrawn by a later survey."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...engine.zones.fields import SLIDING
 from ...engine.zones.matching import match_zones
 from .table_columns import column_of
 
-RAISED, ACKNOWLEDGED, CLOSED = STATES = ("raised", "acknowledged", "closed")
+RAISED, ACKNOWLEDGED, CLOSED, WITHDRAWN = STATES = ("raised", "acknowledged", "closed", "withdrawn")
 FIELDS = field_kinds("""
     text: alert_id slope zone_id kind source
     integer: attention
@@ -38,14 +38,15 @@ def follow_alerts(
 
     An event stays while its zone asks for as much; what people entered stays with it, whatever happens. Where the
     zone asks for more or less, or for nothing, the event is closed with the reason, and in the first two cases a new
-    one is raised. An event that people closed is not raised again while its zone asks for as much as it did.
+    one is raised; where the series withdrew the level, the event is withdrawn with the reason of that. An event that
+    people closed is not raised again while its zone asks for as much as it did. Zones that are one body have one event.
 
     Args:
         earlier: the events of an earlier run, with ``FIELDS``; None where there was none.
         zones: of all slopes, see ``corridor_zones``.
         last_days: day of the last survey by slope; events of other slopes are not touched.
     """
-    asking = zones[zones["attention"].fillna(0) > 0]
+    asks = ((zones["attention"].fillna(0) > 0) & _leads(zones)).to_numpy()
     rows: list[dict[str, Any]] = []
     answered: set[int] = set()
     if earlier is not None and len(earlier):
@@ -63,7 +64,7 @@ def follow_alerts(
                     answered.add(heir)
             rows.append(row)
     taken = {str(row["alert_id"]) for row in rows}
-    for position, zone in zip(np.flatnonzero(zones["attention"].fillna(0) > 0), asking.to_dict("records"), strict=True):
+    for position, zone in zip(np.flatnonzero(asks), zones[asks].to_dict("records"), strict=True):
         if int(position) not in answered:
             rows.append(_raised(zone, last_days[str(zone["slope"])], taken))
     return _frame(rows, zones)
@@ -71,7 +72,13 @@ def follow_alerts(
 
 def open_of(alerts: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     """The events that neither people nor a later survey have closed."""
-    return alerts[~alerts["state"].astype(str).str.strip().str.lower().eq(CLOSED)]
+    return alerts[~alerts["state"].map(_is_closed).astype(bool)]
+
+
+def _leads(zones: gpd.GeoDataFrame) -> pd.Series:
+    """Whether a zone speaks for its body, as most do that are one of their own."""
+    body = zones["body"].fillna("")
+    return (body == "") | (body == zones["zone_id"])
 
 
 def _heirs(earlier: gpd.GeoDataFrame, zones: gpd.GeoDataFrame) -> list[int | None]:
@@ -99,26 +106,32 @@ def _latest(earlier: gpd.GeoDataFrame, heirs: list[int | None]) -> list[bool]:
 
 
 def _is_closed(state: Any) -> bool:
-    return str(state or "").strip().lower() == CLOSED
+    return str(state or "").strip().lower() in (CLOSED, WITHDRAWN)
 
 
 def _carry_on(row: dict[str, Any], zone: pd.Series | None, day: str) -> bool:
     """Bring an event up to date with its zone; whether it answers for what the zone asks now."""
     closed = _is_closed(row.get("state"))
-    before, now = int(row["attention"]), 0 if zone is None else int(zone["attention"])
+    part = zone is not None and bool(zone["body"]) and zone["body"] != zone["zone_id"]
+    before, now = int(row["attention"]), 0 if zone is None or part else int(zone["attention"])
     if now == before:
         if not closed:
             row |= {"last_on": day, "reason": _reason(zone), "zone_id": zone["zone_id"]} if zone is not None else {}
         # closed by a survey that found less: what asks again is raised again
         return not closed or not row.get("ended_on")
     if not closed:
+        state = CLOSED
         if zone is None:
             why = f"No zone of the survey of {day} continues it."
+        elif part:
+            why = f"It is one body with {zone['body']} at the survey of {day}."
+        elif now < before and zone["alert_state"] == WITHDRAWN:
+            state, why = WITHDRAWN, f"Survey of {day}: {zone['alert_reason']}."
         elif now == 0:
             why = f"The zone does not ask for attention any more at the survey of {day}."
         else:
             why = f"Its attention is {now} instead of {before} at the survey of {day}."
-        row |= {"state": CLOSED, "ended_on": day, "state_reason": _joined(row.get("state_reason"), why)}
+        row |= {"state": state, "ended_on": day, "state_reason": _joined(row.get("state_reason"), why)}
         return False
     if now == 0 and not row.get("ended_on"):
         row["ended_on"] = day

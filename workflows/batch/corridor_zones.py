@@ -26,7 +26,7 @@ FIELDS = field_kinds("""
     integer: attention
     text: kind movement severity
     integer: alert_level
-    text: alert alert_reason status
+    text: alert alert_state alert_reason body status
     text: epoch_from epoch_to
     real: confidence dz_mean_m dz_p95_m area_m2 vol_net_m3 vol_err_m3 lod95_m rate_mm_day rate_err motion_m motion_err_m
     text: trend slope_review
@@ -90,6 +90,7 @@ def _table(frame: gpd.GeoDataFrame, slope: str, source: str) -> gpd.GeoDataFrame
             row |= {"severity": record.get("confidence"), "confidence": record.get("probability")}
             row |= {"dz_mean_m": record.get("height_med_m"), "dz_p95_m": record.get("height_p95_m")}
             row["status"] = record.get("confirmed") or ""
+        row["body"] = f"{slope}/{source}/{record['body']}" if record.get("body") else ""
         row["attention"] = attention_of(source, row)
         placed = ON_ROAD if is_entered(LOCATION, record.get(LOCATION)) else ()
         row |= {name: record.get(name) for name in placed}

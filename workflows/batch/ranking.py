@@ -13,7 +13,7 @@ import pandas as pd
 
 from ...engine.vector.review_fields import is_entered
 from ...engine.zones.fields import SLIDING
-from .alert_events import CLOSED
+from .alert_events import open_of
 from .jobs import Problem
 from .results import SlopeResult
 
@@ -49,8 +49,7 @@ def rank(
     Args:
         folder: where the page will lie.
     """
-    closed = alerts["state"].str.strip().str.lower() == CLOSED
-    count = alerts[~closed].groupby("slope").size()
+    count = open_of(alerts).groupby("slope").size()
     found = []
     for result in results:
         own = zones[zones["slope"] == result.slope]

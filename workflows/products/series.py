@@ -224,7 +224,8 @@ def series_figures(
         "zone_count": len(table),
         "confirmed_zone_count": int((table["n_epochs_confirmed"] >= 2).sum()),
         "highest_alert": int(table["alert_level"].max()) if len(table) else 0,
-        "alerted_zone_count": int((table["alert_level"] > 0).sum()),
+        # a body of several zones has one alert
+        "alerted_zone_count": int((table["alert_level"] > 0)[table["body"] == table["zone_id"]].sum()),
         "fastest_rate_mm_day": float(rates.max()) if rates.notna().any() else None,
         "zone_area_m2": float(table["area_m2"].sum()),
         "failure_interval_count": int((table["failure_from"] != "").sum()),

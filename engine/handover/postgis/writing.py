@@ -35,7 +35,7 @@ _NEWER = "SELECT count(*) FROM {} WHERE id = ANY(%s) AND started > %s"
 _CALM = """
 UPDATE events SET run_id = %(run_id)s, started = %(started)s, attention = 0, state = 'closed', ended_on = %(day)s,
     state_reason = %(why)s
-WHERE zone = ANY(%(zones)s) AND state <> 'closed' AND started <= %(started)s
+WHERE zone = ANY(%(zones)s) AND state NOT IN ('closed', 'withdrawn') AND started <= %(started)s
 """
 
 

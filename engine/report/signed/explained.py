@@ -17,6 +17,8 @@ _CRITERIA = (
     ("tangent_angle_deg", "Tangent angle (°)"),
     ("failure_within_days", "Failure within (days)"),
     ("single_volume_m3", "Volume of an event (m³)"),
+    ("chance_percent", "Chance of error (%)"),
+    ("quiet_surveys", "Quiet surveys"),
 )
 
 
@@ -132,7 +134,7 @@ def _screened(record: Mapping[str, Any], *, compared: bool) -> list[tuple[str, s
 
 def _alerts(table: list[dict[str, Any]]) -> list[Block]:
     columns = [Column(say("Level")), Column(say("Alert"), left=True, width=27.0)]
-    columns += [Column(say(words), width=18.0) for _, words in _CRITERIA]
+    columns += [Column(say(words), width=16.0) for _, words in _CRITERIA]
     columns.append(Column(say("Action"), left=True, wide=True))
     rows: list[list[Cell]] = [
         [
@@ -145,7 +147,8 @@ def _alerts(table: list[dict[str, Any]]) -> list[Block]:
     ]
     words = say(
         "A zone reaches a level when so many comparisons in a row confirm it and velocity, tangent angle or time to "
-        "failure reaches its limit, or when its volume reaches that of an event."
+        "failure is beyond its limit, or when its volume is beyond that of an event, each with at most this chance of "
+        "error. A level is withdrawn after so many quiet surveys in a row."
     )
     return [blocks.paragraph(words, small=True), blocks.table(columns, rows, size=7.0)]
 

@@ -132,6 +132,7 @@ def _series_facts(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     of_heights = value_of(row, "motion_m") is not None  # the others are of the motion along the surface
     rows = [
         (say("Alert level"), f"{figure(row, 'alert_level', digits=0)}, {say(words_of(row, 'alert'))}"),
+        *([(say("Level since"), words_of(row, "alert_since"))] if words_of(row, "alert_since") else []),
         (say("Reason"), say(reason) if reason else "–"),
         (say("Action"), say(words_of(row, "action"))),
         (say("Trend"), say(words_of(row, "trend"))),

@@ -45,7 +45,7 @@ from slopewatch.tests.builders.change_zones import zones_of
 from slopewatch.tests.builders.styles import stops
 from slopewatch.workflows.batch import alert_events, corridor_zones
 
-ALERT = AlertLevel(3, "alarm", "#b40426", 2, 1.0, None, None, None, "close the road")
+ALERT = AlertLevel(3, "alarm", "#b40426", 2, 1.0, None, None, None, 0.1, 2, "close the road")
 GRID = Grid(west=500000.0, north=4000030.0, cell=0.5, rows=60, columns=80)
 
 
@@ -128,7 +128,7 @@ def test_a_corridors_zones_and_alerts_have_symbols_and_names() -> None:
     root = ElementTree.fromstring(corridor_zones_qml(corridor_zones.FIELDS).partition("\n")[2])
     assert [c.get("value") for c in root.iter("category")] == ["0", "1", "2", "3", "4"]
     assert names_of(root) == set(corridor_zones.FIELDS)
-    states, entered = ("raised", "acknowledged", "closed"), ("state", "state_reason", "reviewer", "remarks")
+    states, entered = alert_events.STATES, ("state", "state_reason", "reviewer", "remarks")
     root = ElementTree.fromstring(corridor_alerts_qml(alert_events.FIELDS, states, entered).partition("\n")[2])
     assert tuple(c.get("value") for c in root.iter("category")) == states
     offered = root.iterfind("fieldConfiguration/field[@name='state']//Option[@type='QString']")

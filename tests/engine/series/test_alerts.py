@@ -8,7 +8,7 @@ from slopewatch.engine.series.alerts import COLUMNS, DEFAULT_TABLE, Evidence, al
 from slopewatch.engine.series.velocity_classes import velocity_class
 
 HEAD = ",".join(COLUMNS)
-ROWS = ("0,none,#999999,,,,,,", "1,look,#0000ff,2,,,,,", "2,go,#ff0000,2,4,80,60,50,Go there")
+ROWS = ("0,none,#999999,,,,,,,,", "1,look,#0000ff,2,,,,,2.5,2,", "2,go,#ff0000,2,4,80,60,50,2.5,2,Go there")
 
 
 def table(tmp_path, *lines: str, head: str = HEAD):
@@ -37,24 +37,27 @@ def test_table_as_a_spreadsheet_saves_it(tmp_path):
         (ROWS, HEAD.replace("rate_mm_day", "rate"), "column rate_mm_day is missing"),
         (ROWS, HEAD.replace("action", "name"), "column name is there twice"),
         (tuple(r + "," for r in ROWS), HEAD + ",note", "column 'note' is not known"),
-        ((*ROWS[:2], "2,go,#ff0000,2,fast,,,,"), HEAD, "line 4: rate_mm_day is 'fast'; give a number of at least 0"),
-        ((*ROWS[:2], "2,go,#ff0000,2,-1,,,,"), HEAD, "rate_mm_day is '-1'"),
-        ((*ROWS[:2], "2,go,#ff0000,2,,95,,,"), HEAD, "tangent_angle_deg is '95'; give a number from 0 to 90"),
-        ((*ROWS[:2], "2,go,#ff0000,1.5,,,,,"), HEAD, "epochs_confirmed is '1.5'; give a whole number"),
-        ((*ROWS[:2], "2,go,red,2,,,,,"), HEAD, "colour is 'red'; give it as #rrggbb"),
-        ((*ROWS[:2], "2,,#ff0000,2,,,,,"), HEAD, "name is empty"),
-        ((*ROWS[:2], "2,look,#ff0000,2,,,,,"), HEAD, "same name"),
-        ((*ROWS[:2], "3,go,#ff0000,2,,,,,"), HEAD, "levels must be 0, 1, 2"),
+        ((*ROWS[:2], "2,go,#ff0000,2,fast,,,,,,"), HEAD, "line 4: rate_mm_day is 'fast'; give a number of at least 0"),
+        ((*ROWS[:2], "2,go,#ff0000,2,-1,,,,,,"), HEAD, "rate_mm_day is '-1'"),
+        ((*ROWS[:2], "2,go,#ff0000,2,,95,,,,,"), HEAD, "tangent_angle_deg is '95'; give a number from 0 to 90"),
+        ((*ROWS[:2], "2,go,#ff0000,1.5,,,,,,,"), HEAD, "epochs_confirmed is '1.5'; give a whole number"),
+        ((*ROWS[:2], "2,go,red,2,,,,,,,"), HEAD, "colour is 'red'; give it as #rrggbb"),
+        ((*ROWS[:2], "2,,#ff0000,2,,,,,,,"), HEAD, "name is empty"),
+        ((*ROWS[:2], "2,look,#ff0000,2,,,,,,,"), HEAD, "same name"),
+        ((*ROWS[:2], "3,go,#ff0000,2,,,,,,,"), HEAD, "levels must be 0, 1, 2"),
         (ROWS[:1], HEAD, "at least two"),
-        ((*ROWS[:2], "2,go,#ff0000,,,,,,"), HEAD, "level 2 has no threshold"),
-        (("0,none,#999999,1,,,,,", *ROWS[1:]), HEAD, "level 0 has a epochs_confirmed"),
+        ((*ROWS[:2], "2,go,#ff0000,,,,,,,,"), HEAD, "level 2 has no threshold"),
+        (("0,none,#999999,1,,,,,,,", *ROWS[1:]), HEAD, "level 0 has a epochs_confirmed"),
         (
-            (*ROWS, "3,run,#000000,2,3,,,,"),
+            (*ROWS, "3,run,#000000,2,3,,,,,,"),
             HEAD,
             r"rate_mm_day of level 3 \(3\) is easier to reach than that of level 2",
         ),
-        ((*ROWS, "3,run,#000000,2,,,90,,"), HEAD, "failure_within_days of level 3"),
-        ((*ROWS[:2], "2,go,#ff0000,2"), HEAD, "line 4 has 4 values instead of 9"),
+        ((*ROWS, "3,run,#000000,2,,,90,,,,"), HEAD, "failure_within_days of level 3"),
+        ((*ROWS, "3,run,#000000,2,,,,,5,,"), HEAD, "chance_percent of level 3"),
+        ((*ROWS[:2], "2,go,#ff0000,2,4,,,,0,,"), HEAD, "chance_percent is '0'; give a number from 0.0001 to 25"),
+        ((*ROWS[:2], "2,go,#ff0000,2,4,,,,,0,"), HEAD, "quiet_surveys is '0'; give a whole number from 1 to 99"),
+        ((*ROWS[:2], "2,go,#ff0000,2"), HEAD, "line 4 has 4 values instead of 11"),
     ],
 )
 def test_broken_table_gets_a_sentence(tmp_path, lines, head, sentence):
@@ -64,23 +67,26 @@ def test_broken_table_gets_a_sentence(tmp_path, lines, head, sentence):
         read_alerts(path)
 
 
-def evidence(confirmed=0, rate=None, angle=None, failure=None, volume=0.0) -> Evidence:
-    return Evidence(confirmed, rate, angle, failure, volume)
-
-
 @pytest.mark.parametrize(
     ("known", "level", "reason"),
     [
-        (evidence(), 0, ""),
-        (evidence(1, rate=-50.0, angle=89, failure=1), 0, ""),  # one comparison alone is not enough
-        (evidence(2), 1, "confirmed by 2 comparisons"),
-        (evidence(2, rate=3.9), 1, "confirmed"),
-        (evidence(2, rate=-4.0), 2, "rate 4.00 mm/day"),
-        (evidence(3, rate=1, angle=80.0), 2, "tangent angle 80"),
-        (evidence(2, failure=59.6), 2, "60 days after the last survey"),
-        (evidence(2, failure=61), 1, "confirmed"),
-        (evidence(1, volume=-50.0), 2, "volume 50.0"),  # a large single event
-        (evidence(0, volume=49.9), 0, ""),
+        (Evidence(0), 0, ""),
+        # one comparison alone is not enough
+        (Evidence(1, 9.0, 50.0, tangent_angle_deg=89, failure_in_days=(1, 2), steady_chance=0), 0, ""),
+        (Evidence(2, 2.0), 1, "confirmed by 2 comparisons, at least 2, with an error chance of 2.5 %"),
+        (Evidence(2, 1.9), 0, ""),  # the mean of both may be an error
+        (Evidence(2, 5.0, at_rest=True), 0, ""),
+        (Evidence(2, 5.0, 5.0, 0.6), 1, "confirmed"),  # 5 less 1.96 times 0.6 is below 4
+        (Evidence(2, 5.0, 5.0, 0.5), 2, "rate 5.00 mm/day, beyond 4 with an error chance of 2.5 %"),
+        (Evidence(2, 5.0, -9.0), 1, "confirmed"),  # back to where it was
+        (Evidence(3, 5.0, 1, tangent_angle_deg=80.0, steady_chance=0.01), 2, "tangent angle 80 degrees"),
+        (Evidence(3, 5.0, 1, tangent_angle_deg=80.0, steady_chance=0.03), 1, "confirmed"),
+        (Evidence(2, 5.0, failure_in_days=(3, 60), steady_chance=0.01), 2, "failure 3 to 60 days after the survey"),
+        (Evidence(2, 5.0, failure_in_days=(3, 61), steady_chance=0.01), 1, "confirmed"),  # not all of it
+        (Evidence(2, 5.0, failure_in_days=(3, 60), steady_chance=0.03), 1, "confirmed"),
+        (Evidence(1, volume_m3=70.0, volume_err=10.0), 2, "volume 70.0"),  # a large single event
+        (Evidence(1, volume_m3=69.0, volume_err=10.0), 0, ""),
+        (Evidence(2, 5.0, 9.0, along_surface=True), 2, "along the surface: rate 9.00"),
     ],
 )
 def test_highest_level_whose_threshold_is_reached(tmp_path, known, level, reason):

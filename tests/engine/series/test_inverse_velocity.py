@@ -63,18 +63,33 @@ def test_steady_motion_seldom_looks_like_one_that_ends():
     assert sum(f.earliest is not None for f in found) <= 10
 
 
+def test_the_interval_holds_for_other_exponents_too():
+    rng, held = np.random.default_rng(3), []
+    for _ in range(150):
+        power = 1 / (rng.uniform(1.7, 2.2) - 1)
+        fine = np.linspace(0, DAYS[-1], 4000)
+        speed = 0.005 * ((FAILURE - fine) / 30) ** -power
+        way = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(fine))])
+        y = noisy(np.interp(DAYS, fine, way), rng)
+        wide, fixed = (failure_time(DAYS, y, np.full(6, SIGMA**2), e) for e in ((1.5, 2.5), (2.0, 2.0)))
+        held.append([f.earliest is not None and f.earliest <= FAILURE <= f.latest for f in (wide, fixed)])
+    wide, fixed = np.mean(held, axis=0)
+    assert wide >= 0.85
+    assert fixed <= wide - 0.2  # alpha = 2 alone states too much
+
+
 def test_the_reason_is_reported():
     tight = np.full(6, 0.001**2)
 
     def reason(motion, days=DAYS, variance=tight):
         return failure_time(days, motion, variance).reason
 
-    assert "3 surveys, at least 4" in reason(fukuzono(DAYS)[:3], DAYS[:3], tight[:3])
+    assert "4 surveys, at least 5" in reason(fukuzono(DAYS)[:4], DAYS[:4], tight[:4])
     assert "does not get faster" in reason(0.3 * (1 - np.exp(-DAYS / 40)))
     assert "level of detection" in reason(0 * DAYS)
-    assert "2 velocities in a row" in reason(np.array([0, 0.1, 0.15, 0.16, 0.16, 0.3]) + 0.001 * DAYS)
-    assert "distinguished from a steady one" in reason(0.003 * DAYS + np.array([0, 0, 1, 2, 3, 4]) * 1e-4)
-    assert "straight line" in reason(np.array([0, 0.03, 0.056, 0.0775, 0.094, 0.80]))
+    assert "step-like" in reason(np.array([0, 0.1, 0.15, 0.16, 0.17, 0.20]))
+    assert "a steady motion explains" in reason(0.003 * np.maximum(DAYS - 40, 0) + 1e-4 * (DAYS == 100))
+    assert "no law of failure" in reason(np.array([0, 0.03, 0.056, 0.0775, 0.094, 0.80]))
 
 
 def test_surveys_without_measurement_do_not_count():

@@ -13,6 +13,7 @@ from slopewatch.engine.displacement.frame import Frame
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.series.alerts import read_alerts
 from slopewatch.engine.series.joined import cells_of, joined_zones
+from slopewatch.engine.series.judged import judged_zones
 from slopewatch.engine.series.motion.windows import Layout
 from slopewatch.engine.series.motion.zones import MovingGround
 from slopewatch.engine.series.tables import About, zone_frame
@@ -69,7 +70,8 @@ def ground(row: int, column: int, rate: float, number: int = 1, error: float = 0
 def joined(rate: float, *moving: MovingGround):
     zones = (sinking(rate),)
     placed = [(one, heights(cells_of(one.windows, LAYOUT, GRID), 0.0)) for one in moving]
-    return zones, joined_zones(zones, placed, LAYOUT, GRID, DAYS, ALERTS)
+    found = joined_zones(zones, placed, LAYOUT, GRID, DAYS, ALERTS)
+    return zones, judged_zones(found, DAYS, (), ALERTS)
 
 
 def test_the_cells_of_windows_are_those_whose_middles_they_hold():
@@ -89,11 +91,11 @@ def test_one_place_is_one_zone_whatever_found_it():
 
 def test_ground_whose_heights_show_nothing_is_a_zone_of_its_own():
     zones, found = joined(-0.001, ground(6, 10, 0.004))
-    assert found[0] is zones[0]
+    assert found[0].track is zones[0].track
     other = found[1]
     assert (other.track.zone_id, other.kind, other.found_by) == ("M001", "sliding", "motion")
     assert other.alert.level >= 2
-    assert other.alert_reason == "along the surface: rate 4.00 mm/day, at least 1"
+    assert other.alert_reason == "along the surface: rate 4.00 mm/day, beyond 1 with an error chance of 0.1 %"
     assert other.epochs_confirmed == 3
     assert abs(other.change[-1]) < 0.01  # its heights
     assert other.motion.course.velocity.rate == pytest.approx(0.004, rel=0.02)
@@ -117,13 +119,13 @@ def test_of_two_places_in_one_zone_the_larger_part_counts():
 
 
 def test_the_higher_alert_counts_and_says_by_what():
-    alone, (zone,) = joined(-0.006, ground(2, 2, 0.0005))
+    _, (zone,) = joined(-0.006, ground(2, 2, 0.0005))
     assert not zone.motion.leads
-    assert (zone.alert, zone.alert_reason) == (alone[0].alert, alone[0].alert_reason)
+    assert zone.alert_reason.startswith("rate 6.00 mm/day")
     assert zone.leading.velocity is zone.velocity
-    lower, (faster,) = joined(-0.0005, ground(2, 2, 0.006))
+    _, (faster,) = joined(-0.0005, ground(2, 2, 0.006))
     assert faster.motion.leads
-    assert faster.alert.level == 3 > lower[0].alert.level
+    assert faster.alert.level == 3
     assert faster.alert_reason.startswith("along the surface: rate")
     assert faster.leading is faster.motion.course
 
@@ -139,3 +141,19 @@ def test_motion_along_the_surface_has_a_tangent_angle():
 def test_a_zone_that_motion_showed_first_keeps_its_name():
     _, (zone,) = joined(-0.001, replace(ground(2, 2, 0.004), found=0))
     assert (zone.track.zone_id, zone.kind, zone.found_by) == ("M001", "subsidence", "both")
+
+
+def test_motion_that_is_significantly_uphill_is_a_doubt_and_no_alert():
+    steep = np.array([[0.8, 0.0, -0.6], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]])
+    down = replace(ground(6, 10, 0.006), axes=steep)
+    motion = np.outer(0.006 * DAYS, steep[0])
+    down = replace(down, motion=motion, direction=steep[0])
+    _, found = joined(-0.0005, down)
+    assert found[1].alert.level == 3
+    up = replace(down, motion=-motion, direction=-steep[0])
+    _, found = joined(-0.0005, up)
+    assert (found[1].alert.level, found[1].history.levels) == (0, (0, 0, 0, 0))
+    assert found[1].alert_reason == "doubtful: the motion is uphill, 180 degrees off the dip"
+    flat = replace(up, axes=np.eye(3), motion=np.outer(0.006 * DAYS, [-1.0, 0, 0]), direction=np.array([-1.0, 0, 0]))
+    _, found = joined(-0.0005, flat)
+    assert found[1].alert.level == 3  # on level ground no way is uphill

@@ -3,14 +3,37 @@
 from __future__ import annotations
 
 import numpy as np
-from slopewatch.engine.series.persistence import confirmed_cells, longest_run
+import pytest
+from slopewatch.engine.series.persistence import confirmed_cells, current_run, is_at_rest
 
 
 def test_runs_are_broken_by_a_denial_and_not_by_a_gap():
-    assert longest_run([True, True, False, True], [True] * 4) == 2
-    assert longest_run([True, False, True, True], [True, False, True, True]) == 3
-    assert longest_run([], []) == 0
-    assert longest_run([False], [True]) == 0
+    assert current_run([True, True, False, True], [True] * 4) == 1
+    assert current_run([True, False, True, True], [True, False, True, True]) == 3
+    assert current_run([], []) == 0
+    assert current_run([False], [True]) == 0
+
+
+def test_a_run_of_the_past_does_not_count():
+    assert current_run([True, True, True, False], [True] * 4) == 0
+
+
+@pytest.mark.parametrize(
+    ("steps_mm", "rests"),
+    [
+        ([100, 100, 0, 0], True),
+        ([100, 100, 0], False),  # one quiet interval only
+        ([100, 100, 100, 100], False),
+        ([100, 100, 20, 20], False),  # slower, but moving
+        ([3, 3, 3, 3], False),  # a creep that never shows between two surveys
+        ([0, 0, 0, 0], False),  # never moved
+        ([100, 0, np.nan, 0, 0], True),
+    ],
+)
+def test_what_rests_moved_before_and_does_not_now(steps_mm, rests):
+    steps = np.array(steps_mm) / 1000
+    change = np.concatenate([[0.0], np.where(np.isnan(steps), np.nan, np.nancumsum(steps))])
+    assert is_at_rest(30.0 * np.arange(len(change)), change, np.full(len(change), 0.004**2), 2) == rests
 
 
 def test_cells_agree_with_a_plain_loop():

@@ -62,10 +62,3 @@ def test_a_survey_that_did_not_measure_it_breaks_no_run():
     assert found.confirmed.tolist() == [False, True, False, True]
     assert found.epochs_confirmed == 2
     assert found.last == 3
-
-
-def test_alert_comes_from_what_is_sure():
-    found = series(means(rate=-0.006))
-    assert found.alert.level == 3
-    assert found.alert_reason.startswith("rate 5.99 mm/day")
-    assert series(replace(means(rate=-0.006), variance=np.full(4, 0.3**2))).alert.level == 0

@@ -7,7 +7,7 @@ from typing import Any
 import geopandas as gpd
 import pytest
 import shapely
-from slopewatch.workflows.batch.alert_events import FIELDS, follow_alerts
+from slopewatch.workflows.batch.alert_events import FIELDS, follow_alerts, open_of
 from slopewatch.workflows.batch.corridor_zones import FIELDS as ZONE_FIELDS
 from slopewatch.workflows.batch.corridor_zones import attention_of
 from slopewatch.workflows.batch.table_columns import column_of
@@ -131,3 +131,23 @@ def test_nothing_at_all_has_the_fields() -> None:
 )
 def test_how_much_a_zone_asks_for(source: str, zone: dict[str, Any], attention: int) -> None:
     assert attention_of(source, zone) == attention
+
+
+def test_a_level_that_the_series_withdrew_is_withdrawn_with_its_reason(raised: gpd.GeoDataFrame) -> None:
+    quiet = zones(("A/1", 0, 0.0))
+    quiet[["alert_state", "alert_reason"]] = ["withdrawn", "level 2 withdrawn: no motion since 2 surveys or more"]
+    later = follow_alerts(raised, quiet, {"A": SECOND})
+    assert events(later) == {("A/1", 2, "withdrawn", FIRST, SECOND)}
+    assert later.loc[0, "state_reason"].endswith("level 2 withdrawn: no motion since 2 surveys or more.")
+    assert not len(open_of(later))
+    again = follow_alerts(later, zones(("A/1", 2, 0.0)), {"A": THIRD})
+    assert events(again) == {("A/1", 2, "withdrawn", FIRST, SECOND), ("A/1", 2, "raised", THIRD, "")}
+
+
+def test_zones_of_one_body_have_one_event(raised: gpd.GeoDataFrame) -> None:
+    parts = zones(("A/1", 2, 0.0), ("A/2", 2, 20.0))
+    parts["body"] = "A/2"
+    later = follow_alerts(raised, parts, {"A": SECOND})
+    assert events(later) == {("A/1", 2, "closed", FIRST, SECOND), ("A/2", 2, "raised", SECOND, "")}
+    closed = later[later["state"] == "closed"].iloc[0]
+    assert closed["state_reason"] == f"It is one body with A/2 at the survey of {SECOND}."

@@ -1,0 +1,241 @@
+"""False-alarm rates and lead times of alert levels and of ways to foresee a failure, on series with known truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+
+import numpy as np
+
+from ..engine.core.arrays import Float
+from ..engine.series.alerts import AlertLevel, Evidence, read_alerts
+from ..engine.series.inverse_velocity import EXPONENTS, failure_time
+from ..engine.series.level_history import Displacements, LevelHistory, level_history
+from .real_data import alarm_series
+from .series_alert_cases import KINDS, Case, cases
+from .table import Row, counted, say
+
+DRAWS, SHORT_DRAWS = 4, 40
+"""Times that each series is surveyed; those of 4 to 8 surveys for the false-alarm rate."""
+_SHORT = 8
+_STEADY = tuple(kind for kind in KINDS if kind.startswith(("still", "creep")))
+_FAILING = tuple(kind for kind in KINDS if kind.startswith("failing"))
+_EPISODES = ("seasonal creep", "step-like")
+_YEAR_DAYS = 365.25
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A zone of a case with its ``history``, and the failure's interval (n, 2) after each survey, NaN where none is."""
+
+    case: Case
+    zone: Displacements
+    history: LevelHistory
+    interval: Float
+
+    @property
+    def levels(self) -> Float:
+        return np.array(self.history.levels)
+
+    @property
+    def years(self) -> float:
+        return float(self.case.days[-1]) / _YEAR_DAYS
+
+    @property
+    def highest_reached(self) -> int:
+        """How often level 4 was reached anew."""
+        levels = self.levels
+        return int(np.count_nonzero((levels[1:] == 4) & (levels[:-1] < 4)))
+
+
+@dataclass(frozen=True)
+class _Known(Displacements):
+    """Displacements whose evidence after each survey is known."""
+
+    known: tuple[Evidence, ...] = ()
+
+    def evidence(self, survey: int, quiet: int) -> Evidence:
+        return self.known[survey]
+
+
+Forecast = Callable[[Displacements, int], tuple[float, float] | None]
+"""Days from a survey until the failure, the earliest and the latest."""
+
+
+def forecast(
+    zone: Displacements, survey: int, exponents: tuple[float, float] = EXPONENTS
+) -> tuple[float, float] | None:
+    """By Voight's law with exponents of a range."""
+    until = slice(0, survey + 1)
+    found = failure_time(zone.days[until], zone.change[until], zone.variance[until], exponents)
+    if found.earliest is None or found.latest is None:
+        return None
+    return found.earliest - float(zone.days[survey]), found.latest - float(zone.days[survey])
+
+
+def confirmed_forecast(zone: Displacements, survey: int) -> tuple[float, float] | None:
+    """Life expectancy: a forecast counts if that of the survey before agrees, so that what is left falls day by day."""
+    now, before = forecast(zone, survey), forecast(zone, survey - 1) if survey > 1 else None
+    if now is None or before is None:
+        return None
+    since = float(zone.days[survey] - zone.days[survey - 1])
+    return now if before[0] - since <= now[1] and before[1] - since >= now[0] else None
+
+
+def _only(table: Sequence[AlertLevel], *kept: str) -> tuple[AlertLevel, ...]:
+    """The table without its thresholds but ``kept``."""
+    names = {"rate_mm_day", "tangent_angle_deg", "failure_within_days", "single_volume_m3"} - set(kept)
+    left = [replace(row, **dict.fromkeys(names)) for row in table]
+    # a level without any threshold would be that of every confirmed zone
+    none = [all(getattr(row, name) is None for name in kept) for row in left]
+    return tuple(
+        replace(row, single_volume_m3=1e9, epochs_confirmed=99) if gone and row.level > 1 else row
+        for row, gone in zip(left, none, strict=True)
+    )
+
+
+METHODS: dict[str, tuple[str, Forecast | None]] = {
+    "velocity": ("rate_mm_day", None),
+    "tangent angle": ("tangent_angle_deg", None),
+    "Fukuzono (exponent 2)": ("failure_within_days", partial(forecast, exponents=(2.0, 2.0))),
+    "Voight (exponent 1.5 to 2.5)": ("failure_within_days", forecast),
+    "life expectancy": ("failure_within_days", confirmed_forecast),
+}
+
+
+def rows() -> list[Row]:
+    """Levels on each kind of series, the targets, and the methods side by side."""
+    table = read_alerts(None)
+    judged = {}
+    for kind in KINDS:
+        say(f"judging {kind}")
+        judged[kind] = [
+            judge(case, zone, table) for case in cases((kind,)) for d in range(DRAWS) for zone in case.surveyed(d)
+        ]
+    return [
+        *(_kind_row(kind, found) for kind, found in judged.items()),
+        *_target_rows(table, judged),
+        *_method_rows(table, judged),
+        *_alarm_rows(table),
+    ]
+
+
+def judge(case: Case, zone: Displacements, table: tuple[AlertLevel, ...], *, by: Forecast | None = None) -> Judged:
+    """A zone with the levels after each survey; ``by`` another forecast than that of the engine."""
+    known = [Evidence(0), *(zone.evidence(survey, 2) for survey in range(1, len(zone.days)))]
+    if by is not None:
+        known = [
+            replace(e, failure_in_days=None if e.steady_chance > 0.001 else by(zone, i)) for i, e in enumerate(known)
+        ]
+    values = {f.name: getattr(zone, f.name) for f in fields(Displacements)}
+    left = np.array([(np.nan, np.nan) if e.failure_in_days is None else e.failure_in_days for e in known])
+    return Judged(case, zone, level_history(_Known(**values, known=tuple(known)), table), left + zone.days[:, None])
+
+
+def _kind_row(kind: str, found: Sequence[Judged]) -> Row:
+    shares = [100 * np.mean([j.levels.max() >= least for j in found]) for least in (1, 2, 3, 4)]
+    right = [bool((j.levels <= j.case.highest).all()) for j in found]
+    return Row(
+        f"{kind}: zones that ever reached level 1, 2, 3, 4",
+        " / ".join(f"{s:.1f}" for s in shares) + " %",
+        "",
+        f"never above what is right: {counted(right)}",
+    )
+
+
+def _target_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]]) -> list[Row]:
+    short = [
+        judge(case, zone, table)
+        for case in cases(_STEADY)
+        if len(case.days) <= _SHORT
+        for draw in range(SHORT_DRAWS if case.zones == 1 else SHORT_DRAWS // 10)
+        for zone in case.surveyed(draw)
+    ]
+    alarms = [bool(j.levels.max() >= 3) for j in short]
+    grass = [bool(j.levels.max() >= 1) for j in judged["still, seasonal grass"]]
+    failing = [j for kind in _FAILING for j in judged[kind]]
+    hits = [bool(j.levels[-1] >= 3) for j in failing]
+    leads = [float(j.case.failure - j.case.days[np.argmax(j.levels >= 3)]) for j in failing if j.levels[-1] >= 3]
+    fallen = [bool((j.levels <= j.case.highest).all()) for k in ("fast, then stopped", "repaired") for j in judged[k]]
+    result = [
+        Row("levels 3 and 4 on still slopes and constant creep, 4 to 8 surveys", counted(alarms, 2), "<= 0.5 %", "",
+            bool(np.mean(alarms) <= 0.005)),
+        Row("zones of still slopes with seasonal grass, two years: alerts", counted(grass), "0", "", not any(grass)),
+        Row("failures with level 3 or more at the last survey before", counted(hits), ">= 80 %",
+            f"first {np.median(leads):.0f} days before the failure (median)", bool(np.mean(hits) >= 0.8)),
+        _interval_row(failing),
+        Row("stopped or repaired: level withdrawn after two quiet surveys", counted(fallen), ">= 95 %", "",
+            bool(np.mean(fallen) >= 0.95)),
+    ]  # fmt: skip
+    for kind in _EPISODES:
+        often = 10 * sum(j.highest_reached for j in judged[kind]) / sum(j.years for j in judged[kind])
+        result.append(Row(f"{kind}: level 4 for each slope and decade", f"{often:.2f}", "<= 1", "", bool(often <= 1)))
+    return result
+
+
+def _interval_row(failing: Sequence[Judged]) -> Row:
+    stated = [(j, i) for j in failing for i in np.flatnonzero(np.isfinite(j.interval[:, 0]))]
+    held = [bool(j.interval[i, 0] <= j.case.failure <= j.interval[i, 1]) for j, i in stated]
+    width = np.median([j.interval[i, 1] - j.interval[i, 0] for j, i in stated]) if stated else np.nan
+    return Row("failure intervals that hold the failure", counted(held), ">= 90 %", f"{width:.0f} days wide (median)",
+               bool(held and np.mean(held) >= 0.9))  # fmt: skip
+
+
+def _method_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]]) -> list[Row]:
+    """Each method alone decides on levels 3 and 4."""
+    result = []
+    for name, (column, by) in METHODS.items():
+        say(f"judging by {name}")
+        own, found = _only(table, column), {}
+        for kind in (*_EPISODES, *_FAILING, *(k for k in KINDS if k.startswith("creep")), "fast, then stopped"):
+            found[kind] = [judge(j.case, j.zone, own, by=by) for j in judged[kind]]
+        failing = [j for kind in _FAILING for j in found[kind]]
+        steady = [bool(j.levels.max() >= 3) for kind in found if kind.startswith("creep") for j in found[kind]]
+        episodes = [j for kind in _EPISODES for j in found[kind]]
+        often = 10 * sum(j.highest_reached for j in episodes) / sum(j.years for j in episodes)
+        hits = [bool(j.levels[-1] >= 3) for j in failing]
+        most = [bool(j.levels[-1] >= 4) for j in failing]
+        others = [bool(j.levels.max() < 4) for kind in found if kind not in _FAILING for j in found[kind]]
+        right = [_is_right(j) for j in failing]
+        held = "" if by is None else f"; intervals hold {_interval_row(failing).value}"
+        result.append(
+            Row(
+                f"by {name}: judged right, failing and other series alike in weight",
+                f"{50 * (np.mean(right) + np.mean(others)):.0f} %",
+                "",
+                f"level 3 before failure {100 * np.mean(hits):.0f} %, level 4 {100 * np.mean(most):.0f} %; "
+                f"level 3 on creep {100 * np.mean(steady):.1f} %; level 4 of episodes {often:.2f} a decade{held}",
+            )
+        )
+    return result
+
+
+def _is_right(judged: Judged) -> bool:
+    """Of a series that fails: level 3 at the last survey, and no interval then that misses the failure."""
+    low, high = judged.interval[-1]
+    return bool(judged.levels[-1] >= 3 and not (judged.case.failure < low or judged.case.failure > high))
+
+
+def _alarm_rows(table: tuple[AlertLevel, ...]) -> list[Row]:
+    """Published series that accelerate to a failure, surveyed every week or two with errors of 6 mm."""
+    result = []
+    for name, days, way in alarm_series():
+        hits, held = [], []
+        for every in (7.0, 10.0, 14.0):
+            for draw in range(10):
+                rng = np.random.default_rng([11, int(every), draw])
+                surveys = np.arange(rng.uniform(0, every), days[-1], every)
+                n = len(surveys)
+                case = Case("failing", 9000 + draw, surveys - surveys[0], -np.interp(surveys, days, way),
+                            np.full(n, 0.006), np.full(n, 9), np.zeros(n), float(days[-1] - surveys[0]))  # fmt: skip
+                found = judge(case, case.surveyed(draw)[0], table)
+                hits.append(bool(found.levels[-1] >= 3))
+                low, high = found.interval[-1]
+                if np.isfinite(low):
+                    held.append(bool(low <= case.failure <= high))
+        result.append(
+            Row(f"published acceleration {name}, 30 drawings: level 3 at the last survey before the failure",
+                counted(hits), "", f"intervals that hold it: {counted(held)}")
+        )  # fmt: skip
+    return result
