@@ -65,10 +65,10 @@ def test_of_another_commands_record_what_both_have_is_taken_and_the_rest_is_name
     assert "ground" not in screen.values, "an inspection has no such setting, its ground is always extracted"
 
 
-def test_cells_that_grow_are_left_out_of_a_series(tmp_path: Path) -> None:
+def test_a_series_takes_the_cells_of_a_change(tmp_path: Path) -> None:
     found = read_settings(record(tmp_path, "change", change=ChangeParameters(cell=0.5)), command_sets.SERIES)
-    assert found.values["cell"] == 0.5
-    assert set(found.left_out) == {"adaptive", "target_level", "largest_cell"}
+    assert (found.values["cell"], found.values["adaptive"]) == (0.5, True)
+    assert not {"adaptive", "target_level", "largest_cell"} & set(found.left_out)
 
 
 def test_a_batch_gives_back_what_it_was_given_for_all_slopes(tmp_path: Path) -> None:
