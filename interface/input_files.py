@@ -62,6 +62,7 @@ RASTER = InputKind(
     starts=(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), formats="a GeoTIFF"
 )  # its cells are counted before they are read
 CLOUD = InputKind(starts=(b"LASF",), formats="a LAS or LAZ file")  # read in parts
+MEASURED = InputKind(starts=(*CLOUD.starts, *RASTER.starts), formats="a LAS or LAZ file, or a GeoTIFF")
 WEIGHTS = InputKind(256 * _MB)  # held in memory; the networks here have 2 MB
 PICTURE = InputKind(256 * _MB)  # a labelled picture of 10,000 by 10,000 pixels; held in memory
 PHOTO = InputKind(100 * _MB)  # of a camera; its pixels are counted before they are read

@@ -13,10 +13,12 @@ from typing import BinaryIO
 
 from ...interface import input_files
 from ...interface.input_files import (
+    CLOUD,
     CLUSTER,
     FIELD_NAMES,
     LABELS,
     LAYER,
+    MEASURED,
     PART,
     RASTER,
     RECORD,
@@ -93,11 +95,13 @@ _KINDS = {
     "alerts": TABLE,
     "run": RECORD,
     "trajectory": TRAJECTORY,
+    **dict.fromkeys(("cloud", "reference", "moving", "survey"), CLOUD),
+    **dict.fromkeys(("epoch", "season", "terrain"), MEASURED),
     "picture": RASTER,
     "cluster": CLUSTER,
     "weights": WEIGHTS,
 }
-"""By the role of an input in the run record."""
+"""By the first word of an input's role in the run record."""
 
 
 def refuse_unusable(inputs: Iterable[tuple[str, Path | None]]) -> None:
@@ -111,7 +115,7 @@ def refuse_unusable(inputs: Iterable[tuple[str, Path | None]]) -> None:
     for role, path in inputs:
         if path is None:
             continue
-        kind = _KINDS.get(role, PART)
+        kind = _KINDS.get(role.partition(" ")[0], PART)
         with contextlib.suppress(MissingInput):
             if kind is LAYER or is_geodatabase(Path(path)):
                 check_layer(path)

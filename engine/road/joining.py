@@ -19,6 +19,7 @@ from .network import Stretch
 
 JOIN_M = 1.0
 """Metres within which the end of one piece is the beginning of the next."""
+_LINES_AT_ONCE = 100  # all pairs of 20,000 lines in one place would fill the memory
 _JUMP_M = 1.0  # metres of chainage that a rounded field may be off where two pieces join
 
 
@@ -102,13 +103,14 @@ def _refuse_crossing(lines: Sequence[LineString], subject: str) -> None:
             raise InputError(f"{subject} crosses itself at {place}; divide it there, or correct the line.")
     tree = STRtree(list(lines))
     for predicate in ("crosses", "overlaps", "covers"):
-        for i, j in tree.query(list(lines), predicate=predicate).T:
-            if i != j:
-                met = lines[i].intersection(lines[j]).representative_point()
-                raise InputError(
-                    f"{subject} crosses itself at x {met.x:.1f}, y {met.y:.1f}; divide it there, or give each "
-                    "carriageway its name."
-                )
+        for start in range(0, len(lines), _LINES_AT_ONCE):
+            for i, j in tree.query(list(lines[start : start + _LINES_AT_ONCE]), predicate=predicate).T:
+                if start + i != j:
+                    met = lines[start + i].intersection(lines[j]).representative_point()
+                    raise InputError(
+                        f"{subject} crosses itself at x {met.x:.1f}, y {met.y:.1f}; divide it there, or give each "
+                        "carriageway its name."
+                    )
 
 
 def _place(noded: MultiLineString, line: LineString) -> str:
@@ -136,6 +138,18 @@ def _by_direction(pieces: Sequence[Piece], parameters: RoadParameters, subject: 
     return Piece(line, start, start + line.length, pieces[0].number)
 
 
+def _first_near(places: Float) -> list[tuple[int, int]]:
+    """The first place (n, 2) with another one within ``JOIN_M``, and that one; nothing if there is none."""
+    if len(places) < 2:
+        return []
+    distance, near = cKDTree(places).query(places, k=2)
+    found = np.flatnonzero(distance[:, 1] <= JOIN_M)
+    if not len(found):
+        return []
+    first = int(found[0])
+    return [(first, int(near[first][near[first] != first][0]))]
+
+
 def _by_ends(pieces: Sequence[Piece], subject: str) -> list[list[Piece]]:
     """Pieces in chains, each of which begins where the one before ends.
 
@@ -144,7 +158,7 @@ def _by_ends(pieces: Sequence[Piece], subject: str) -> list[list[Piece]]:
     """
     firsts, lasts = (np.array([getattr(p, end) for p in pieces]) for end in ("first", "last"))
     for what, places in (("end", lasts), ("begin", firsts)):
-        for i, j in sorted(cKDTree(places).query_pairs(JOIN_M)):
+        for i, j in _first_near(places):
             raise InputError(
                 f"{subject} has two lines, {pieces[i].number} and {pieces[j].number}, that both {what} at x "
                 f"{places[i][0]:.1f}, y {places[i][1]:.1f}: one runs the other way, or the road branches; turn it "
@@ -152,12 +166,13 @@ def _by_ends(pieces: Sequence[Piece], subject: str) -> list[list[Piece]]:
             )
     begins = cKDTree(firsts).query_ball_point(lasts, JOIN_M)
     follows = {i: min(j for j in near if j != i) for i, near in enumerate(begins) if set(near) - {i}}
-    starts = [i for i in range(len(pieces)) if i not in follows.values()] or [0]  # a ring begins at its first piece
+    followed = set(follows.values())
+    starts = [i for i in range(len(pieces)) if i not in followed] or [0]  # a ring begins at its first piece
     chains = []
     for i in starts:
-        chain = [i]
-        while (after := follows.get(chain[-1])) is not None and after not in chain:
-            chain.append(after)
+        chain = dict.fromkeys([i])
+        while (after := follows.get(next(reversed(chain)))) is not None and after not in chain:
+            chain[after] = None
         chains.append([pieces[j] for j in chain])
     return chains
 

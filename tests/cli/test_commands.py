@@ -296,7 +296,7 @@ BAD = {
     "one output twice": ("register {first} {second} --output {new}/a.laz --transform {new}/a.laz", "Two outputs"),
     "inspect without roi": (
         "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={second} --roi {new}/no.shp --output-dir {out}",
-        "no.shp does not exist",
+        "no.shp' does not exist",
     ),
     "inspect in two systems": (
         "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={other_crs} --output-dir {out}",

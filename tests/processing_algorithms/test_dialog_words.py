@@ -27,7 +27,7 @@ NOT_IN_THE_DIALOG = {
 }  # fmt: skip
 ONLY_TERMINAL = {"language", "help", "progress", "watch-parent", "debug"}
 # Arguments of other programs, and beginnings of options that are put together.
-NO_OPTIONS = {"stdin", "version", "resources", "no-", "json"}
+NO_OPTIONS = {"stdin", "temporary-folder", "version", "resources", "no-", "json"}
 
 
 def told(algorithm, sentence: str) -> str:

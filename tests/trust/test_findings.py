@@ -250,7 +250,7 @@ def test_rasters_that_cannot_be(tmp_path: Path) -> None:
     other.write_text(
         f"<VRTDataset rasterXSize='4' rasterYSize='4'><SourceFilename>{good}</SourceFilename></VRTDataset>"
     )
-    with pytest.raises(InputError, match="cannot be read as a raster"):
+    with pytest.raises(InputError, match="is not a GeoTIFF"):
         read_raster(other)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -169,3 +170,15 @@ def test_a_file_without_a_reference_system_is_taken_in_the_surveys(tmp_path: Pat
     roads = read_roads(tmp_path / "r.shp", UTM)
     assert "declares no reference system" in roads.notes[0]
     assert at(roads.network()[0], 10, 5).chain_from == 10.0
+
+
+def test_many_lines_in_one_place_take_no_list_of_all_their_pairs(tmp_path: Path) -> None:
+    lines = [[(0, 0.0001 * n), (10, 0.0001 * n)] for n in range(3000)]
+    path = layer(tmp_path / "road.gpkg", lines, route=["A"] * 3000)
+    roads = read_roads(path, UTM)
+    tracemalloc.start()
+    with pytest.raises(InputError, match="has two lines, 1 and 2, that both end at"):
+        roads.network()
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 50e6, "4,500,000 pairs take ten times as much"
