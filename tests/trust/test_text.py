@@ -21,6 +21,7 @@ from slopewatch.engine.series.alerts import DEFAULT_TABLE, alerts_csv, read_aler
 from slopewatch.tests.builders.bad_inputs import X, Y, slope
 from slopewatch.tests.builders.bad_inputs import cloud as write
 from slopewatch.tests.builders.program import run
+from slopewatch.workflows.batch import alert_events
 
 SCRIPT = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'&{{7*7}}$x^$"
 FORMULAS = ("=1+1", "+1", "-1", "@SUM(A1)", "\tx", "\rx", "'=1", "=cmd|' /C calc'!A0")
@@ -164,14 +165,18 @@ SCREENED = (
     "zone_id", "kind", "confidence", "probability", "area_m2", "height_med_m", "height_p95_m", "points", "confirmed",
     "compared_share", "change_share", "opposite_share", "dz_signif_m",
 )  # fmt: skip
+CORRIDOR_ZONES = (
+    "zone_id", "slope", "source", "attention", "kind", "severity", "alert", "rate_mm_day", "dz_mean_m", "dz_p95_m",
+    "area_m2", "vol_net_m3", "alert_reason",
+)  # fmt: skip
 STYLES = {
     "zones": qgis_styles.zones_qml,
     "screened": lambda: qgis_styles.hazards_qml(SCREENED),
     "footprints": qgis_styles.footprints_qml,
     "series": lambda: qgis_styles.series_zones_qml(read_alerts(None)),
-    "corridor zones": lambda: qgis_styles.corridor_zones_qml(("zone_id", "slope", "attention")),
+    "corridor zones": lambda: qgis_styles.corridor_zones_qml(CORRIDOR_ZONES),
     "corridor alerts": lambda: qgis_styles.corridor_alerts_qml(
-        ("slope", "state"), ("raised", "acknowledged", "closed"), ("state",)
+        alert_events.FIELDS, alert_events.STATES, alert_events.ENTERED
     ),
 }
 EVALUATE = """
