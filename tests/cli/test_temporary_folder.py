@@ -50,12 +50,14 @@ def test_a_killed_run_leaves_nothing_after_the_next_one(cloud: Path, tmp_path: P
 
 
 def test_a_full_temporary_folder_is_named_in_one_sentence(cloud: Path, small_disk: Path) -> None:
+    full = small_disk / "full"
+    full.write_bytes(bytes(os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize))
     for environment, option in ((str(small_disk), ()), ("/nowhere", ("--temporary-folder", small_disk))):
         done = run(*ground(cloud, *option), env={**os.environ, VARIABLE: environment})
         assert done.returncode == 2, done.stderr
         (error,) = [line for line in done.stderr.splitlines() if not line.startswith("Warning: ")]
         assert error.startswith(f"Error: The temporary folder '{small_disk}' has 0.0")
-        assert list(small_disk.iterdir()) == []
+        assert list(small_disk.iterdir()) == [full]
         assert not cloud.with_name("ground.laz").exists()
 
 

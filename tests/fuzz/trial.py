@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import os
 import re
 import resource
@@ -21,7 +23,7 @@ LONGEST_S = 60
 LONGEST_WAIT_S = 600
 """Of time by the clock: on a machine that does much else a sound file may take a minute."""
 _WRONG = re.compile(rb"Traceback|Internal failure|RuntimeWarning|Segmentation|panicked", re.IGNORECASE)
-_NO_NUMBER = re.compile(r"(?<![\w.])(nan|inf|infinity)(?![\w])", re.IGNORECASE)
+_NO_NUMBER = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -127,11 +129,16 @@ def _refusal_fault(done: Done, out: Path, named: tuple[str, ...]) -> str:
 
 
 def _result_fault(out: Path) -> str:
-    """Text among the outputs that holds no numbers where there should be some."""
+    """A number among the outputs that is none: NaN or infinity in JSON, or as a cell of a table."""
     for path in sorted(out.rglob("*")):
-        if path.suffix in (".json", ".csv", ".html"):
-            text = path.read_text(encoding="utf-8")
-            shown = re.sub(r"data:image/[^\"]*", "", text)
-            if path.suffix != ".html" and _NO_NUMBER.search(shown):
-                return f"{path.name} has {_NO_NUMBER.search(shown)!r}"
+        if path.suffix == ".json":
+            found: list[str] = []
+            json.loads(path.read_text(encoding="utf-8"), parse_constant=found.append)
+        elif path.suffix == ".csv":
+            with path.open(encoding="utf-8", newline="") as stream:
+                found = [cell for row in csv.reader(stream) for cell in row if _NO_NUMBER.fullmatch(cell.strip())]
+        else:
+            continue
+        if found:
+            return f"{path.name} has {found[0]!r}"
     return ""

