@@ -178,6 +178,8 @@ def _refuse_irregular(path: Path, mode: int) -> None:
 
 
 def _refuse_format(path: Path, start: bytes, kind: InputKind) -> None:
+    if kind.starts and not start:
+        raise UnusableFileError(f"{_name(path)} is empty (0 bytes); copy or export it again.")
     text = start.lstrip(_SPACE)
     known = not kind.starts or start.startswith(kind.starts)
     if not known or (kind.refused and (start.startswith(kind.refused) or text.startswith(kind.refused))):

@@ -136,7 +136,8 @@ def _result_fault(out: Path) -> str:
             json.loads(path.read_text(encoding="utf-8"), parse_constant=found.append)
         elif path.suffix == ".csv":
             with path.open(encoding="utf-8", newline="") as stream:
-                found = [cell for row in csv.reader(stream) for cell in row if _NO_NUMBER.fullmatch(cell.strip())]
+                rows = list(csv.reader(stream))[1:]  # a column may have any name
+            found = [cell for row in rows for cell in row if _NO_NUMBER.fullmatch(cell.strip())]
         else:
             continue
         if found:

@@ -389,7 +389,7 @@ def test_the_command_refuses_what_it_cannot_use(corridor: Path, tmp_path: Path) 
     for given, words in (
         (("gone.csv",), "gone.csv' does not exist; give a CSV file"),
         ((corridor / "corridor.csv", "--workers=-1"), "workers is -1; give a whole number from 0 to 1024."),
-        ((corridor / "corridor.csv", "--scheduler=gone.json"), "The cluster file 'gone.json' cannot be read"),
+        ((corridor / "corridor.csv", "--scheduler=gone.json"), "'gone.json' does not exist; check its path."),
     ):
         done = run("batch", *given, "--ground-ready", "--output-dir", tmp_path / "out", env={**os.environ})
         assert done.returncode == 2, done.stderr

@@ -94,7 +94,9 @@ def test_settings_of_a_slope_override_those_of_all_where_its_command_has_them() 
     own = slope(options={"cell": 0.2, "adaptive": False})
     common = {"cell": 0.5, "confidence": 0.99, "ground_ready": True, "rigidness": None}
     assert options_of(own, "inspect", common) == {"cell": 0.2, "adaptive": False, "confidence": 0.99}
-    assert options_of(own, "series", common) == {"cell": 0.2, "confidence": 0.99, "ground_ready": True}
+    assert options_of(own, "series", common) == {
+        "cell": 0.2, "adaptive": False, "confidence": 0.99, "ground_ready": True,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("command", ["inspect", "series"])
