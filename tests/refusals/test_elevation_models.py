@@ -108,7 +108,7 @@ def test_several_bands_and_no_raster(first: Path, tmp_path: Path) -> None:
     _refused("has 2 bands; an elevation model has one", first, both)
     text = tmp_path / "text.tif"
     text.write_text("no raster", encoding="utf-8")
-    _refused("is not a GeoTIFF", first, text)
+    _refused("a GeoTIFF; give one", first, text)
 
 
 def test_the_same_file_and_the_same_heights(first: Path, tmp_path: Path) -> None:
