@@ -290,7 +290,7 @@ def test_what_cannot_be_exported_is_refused(folder, tmp_path):
     empty = tmp_path / "empty.tif"
     write_rgba(empty, np.zeros((*GRID.shape, 4), dtype=np.uint8), GRID, UTM)
     for given, words in (
-        ({"picture": folder / "zones.gpkg"}, "cannot be read as a raster"),
+        ({"picture": folder / "zones.gpkg"}, "is not a GeoTIFF"),
         ({"picture": empty}, "shows nothing"),
         ({"picture": picture, "labels": " , "}, "labels is empty"),
         ({"picture": picture, "segments": folder / "zones.gpkg", "label_field": "nope"}, "have no field nope"),
