@@ -64,6 +64,12 @@ def refuse_other_ground(first: ElevationModel, second: ElevationModel, maximum_b
         raise InputError(
             f"{names[0]} and {names[1]} have the same height in all {number:,} common cells; give two dates."
         )
+    rounding = float(np.spacing(np.float32(np.nanmax(np.abs(second.heights)))))
+    if float(np.ptp(values)) <= 2.0 * rounding:  # two steps of 32-bit numbers: of either model one half, twice
+        raise InputError(
+            f"{names[0]} and {names[1]} differ by the same {float(np.median(values)):.3f} m in all {number:,} common "
+            "cells, so one was made from the other; give two surveys."
+        )
     found = compare_heights(*(_coarse(model.heights).ravel() for model in (first, second)))
     if found is not None and found.unit_ratio is not None:
         raise InputError(

@@ -117,6 +117,8 @@ def test_the_same_file_and_the_same_heights(first: Path, tmp_path: Path) -> None
     _refused("are the same file", first, again)
     same = write_model(again, _heights(1), north=NORTH, unit="m")
     _refused("have the same height in all 7,200 common cells", first, same)
+    raised = write_model(again, _heights(1) + 0.1, north=NORTH, unit="m")
+    _refused("differ by the same 0.100 m in all 7,200 common cells", first, raised)
 
 
 def test_holes_and_values_that_are_no_heights(first: Path, tmp_path: Path) -> None:
