@@ -153,7 +153,7 @@ def test_picture_has_colours_and_transparency(tmp_path: Path) -> None:
 
 def test_reading_what_is_no_raster(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_text("not a raster")
-    with pytest.raises(InputError, match="cannot be read as a raster"):
+    with pytest.raises(InputError, match="is not a GeoTIFF"):
         read_raster(tmp_path / "a.tif")
     with rasterio.open(
         tmp_path / "oblong.tif", "w", driver="GTiff", width=2, height=2, count=1, dtype="float32",
