@@ -216,8 +216,8 @@ def grown_series(seed: int, density: int) -> tuple[list[float], list[Ground]]:
         zones = geopandas.read_file(done.outputs["series_zones"], layer="zones")
         surveys = geopandas.read_file(done.outputs["series_zones"], layer="series")
         compared = [float(row["compared_share"]) for row in csv.DictReader(done.outputs["coverage"].open())]
-    west, south, east, north = (*series.roi.min(axis=0)[:2], *series.roi.max(axis=0)[:2])
-    grid = snapped_grid((float(west), float(south), float(east), float(north)), _FINE_CELL_M)
+    low, high = np.asarray(series.roi).min(axis=0), np.asarray(series.roi).max(axis=0)
+    grid = snapped_grid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), _FINE_CELL_M)
     truth = [series.true_change(number, grid, 2) for number in range(len(series.dates))]
     motions = [series.true_velocity(number, grid, 2) != 0 for number in range(len(laws))]
     found = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,8 @@ def confirmed_forecast(zone: Displacements, survey: int) -> tuple[float, float] 
 def _only(table: Sequence[AlertLevel], *kept: str) -> tuple[AlertLevel, ...]:
     """The table without its thresholds but ``kept``."""
     names = {"rate_mm_day", "tangent_angle_deg", "failure_within_days", "single_volume_m3"} - set(kept)
-    left = [replace(row, **dict.fromkeys(names)) for row in table]
+    nothing: dict[str, Any] = dict.fromkeys(names)
+    left = [replace(row, **nothing) for row in table]
     # a level without any threshold would be that of every confirmed zone
     none = [all(getattr(row, name) is None for name in kept) for row in left]
     return tuple(
