@@ -114,7 +114,7 @@ class TestBadInput:
         self.refused(folder, "alert table .* column colour is missing", alerts=folder.parent / "alerts.csv")
 
     def test_missing_alert_table(self, folder):
-        self.refused(folder, "alert table .* cannot be read", alerts=folder.parent / "nothing.csv")
+        self.refused(folder, r"nothing\.csv' does not exist", alerts=folder.parent / "nothing.csv")
 
     def test_region_away_from_the_surveys(self, folder):
         from shapely import box
