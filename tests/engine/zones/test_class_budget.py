@@ -173,7 +173,7 @@ def test_what_is_no_layer_of_classes_is_named(tmp_path: Path) -> None:
     assert read_asset_classes(path, "KIND", UTM)[0].names == ("bench",)
     with pytest.raises(InputError, match=r"Polygon 1 of the classes .* has no class; give it its class"):
         read_asset_classes(polygons(tmp_path / "n.gpkg", {" ": BENCH}), "class", UTM)
-    many = {f"c{i}": [(0.0, 0.0, 1.0, 1.0)] for i in range(1001)}
+    many = {f"c{i}": [(2.0 * i, 0.0, 2.0 * i + 1.0, 1.0)] for i in range(1001)}
     with pytest.raises(InputError, match="has 1001 values"):
         read_asset_classes(polygons(tmp_path / "m.gpkg", many), "class", UTM)
 
