@@ -75,25 +75,29 @@ def overlapping(
     offset: float,
     progress: Progress,
     *,
-    goes_on: bool = False,
+    earlier: dict[str, Any] | None = None,
 ) -> tuple[Epoch, ...]:
     """The surveys that overlap the reference survey, which is the first of them; a warning names every other one.
 
-    The reference is the survey that overlaps most others, the earliest of these. The hulls of samples are compared.
+    The reference is that of the earlier run, else the survey that overlaps most others, the earliest of these. The
+    hulls of samples are compared.
 
     Args:
         roi: vector file with the slope; a survey outside of it does not overlap.
         offset: metres between surveys before their registration.
-        goes_on: whether an earlier run has the first survey as its reference.
+        earlier: record of the series that this one goes on with.
 
     Raises:
         InputError: no two of them overlap, or a file cannot be read.
     """
     area = None if roi is None else read_roi(roi, open_cloud(epochs[0].path, inputs)[1].crs).geometry
+    progress.update(0.0, "checking the overlap of the surveys")
     hulls = [_hull(epoch.path, inputs) for epoch in epochs]
     shares = np.array([[_overlap(a, b, area, offset) for b in hulls] for a in hulls])
     found = shares >= _MIN_OVERLAP_SHARE
-    reference = 0 if goes_on else int(np.argmax(found.sum(axis=1) - found.diagonal()))
+    names, before = [f"epoch {epoch.name}" for epoch in epochs], [i["role"] for i in (earlier or {}).get("inputs", ())]
+    known = next((names.index(role) for role in before if role in names), None)
+    reference = int(np.argmax(found.sum(axis=1))) if known is None else known
     kept = [e for e, overlaps in zip(epochs, found[reference], strict=True) if overlaps]
     if len(kept) < 2:
         _refuse(epochs, hulls, found)

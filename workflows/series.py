@@ -187,7 +187,7 @@ def _of_one_slope(
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     offset = 0.0 if settings.registration.method == "none" else settings.registration.maximum_offset
-    kept = overlapping(epochs, settings.inputs, roi, offset, run.progress, goes_on=earlier is not None)
+    kept = overlapping(epochs, settings.inputs, roi, offset, run.progress, earlier=earlier)
     left = {f"epoch {e.name}" for e in epochs if e not in kept}
     run.record.inputs = [i for i in run.record.inputs if i["role"] not in left]
     return kept, tuple(h for e, h in zip(epochs, hashes, strict=True) if e in kept)

@@ -67,5 +67,5 @@ def say_recomputed(gridded: Sequence[GriddedEpoch], earlier: dict[str, Any] | No
     if again:
         progress.warning(
             f"The surveys of {', '.join(again)} were computed again, because what the folder {FOLDER} keeps of them is "
-            "missing, damaged or of another version."
+            "missing, damaged, of another version or of another first survey."
         )

@@ -123,6 +123,12 @@ def test_another_slope_is_left_out_wherever_it_stands(plain, tmp_path, day):
     same_as_without(series, plain)
 
 
+def test_another_slope_before_a_series_that_goes_on(series, plain):
+    plane(series.folder / "2023-12-10.laz", x=300.0, seed=9)
+    series.run().said("2023-12-10.laz' is left out", "shares 0 % of its extent")
+    same_as_without(series, plain)
+
+
 def test_a_day_apart_gives_no_velocity_and_no_alert(series, plain):
     # the survey of the next day is off by 3 cm in the zone: 30 mm a day
     plane(series.folder / "2024-05-11.laz", bump=4 * STEP_M - 0.03, seed=9)
