@@ -64,7 +64,7 @@ def one_a_day(epochs: Sequence[Epoch], earlier: dict[str, Any] | None, progress:
             same = [best]
         kept += same
     if len(kept) < 2 <= len(epochs):
-        raise InputError(f"All surveys are of one day, {epochs[0].name}; a series takes at least two days.")
+        raise InputError(f"All surveys have the same date, {epochs[0].name}; a series takes at least two dates.")
     return tuple(kept)
 
 

@@ -108,7 +108,7 @@ def test_the_survey_that_an_earlier_run_used_stays(series, plain):
 def test_all_on_one_day_are_no_series(tmp_path):
     for name in ("a", "b"):
         plane(tmp_path / f"2024-01-10{name}.laz", seed=ord(name))
-    with pytest.raises(InputError, match="All surveys are of one day, 2024-01-10"):
+    with pytest.raises(InputError, match="All surveys have the same date, 2024-01-10"):
         monitor_series(epochs_of(tmp_path), tmp_path / "out", GROWING)
     assert not (tmp_path / "out").exists()
 
