@@ -122,13 +122,11 @@ def monitor_series(
     earlier = _earlier_series(run, output_dir, _dates(epochs), overwrite=overwrite)
     run.read_reviews(output_dir, ("series.gpkg",))
     program = None if settings.series.ground_ready else run.find_pdal(pdal)
-    every_hash = run.hash_inputs()
-    roi_hash, stable_hash = every_hash[len(epochs) : len(epochs) + 2]
-    epochs, hashes = _of_one_slope(run, epochs, every_hash[: len(epochs)], settings, roi, earlier)
+    hashes, (roi_hash, stable_hash) = (every := run.hash_inputs())[: len(epochs)], every[len(epochs) : len(epochs) + 2]
+    epochs, hashes = _of_one_slope(run, epochs, hashes, settings, roi, earlier)
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
-    dates = _dates(epochs)
-    say_days(dates, run.progress)
+    say_days(dates := _dates(epochs), run.progress)
     related = (settings.road, settings.assets)
     run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
     refuse_grid_early([epochs[0].path], settings.inputs, held_whole(settings.change), roi)
@@ -159,15 +157,19 @@ def monitor_series(
         transforms = {g.epoch.name: g.transform.matrix for g in gridded}
         run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
         run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
-        for sentence in run.facts["limits"]:
-            run.progress.info(sentence)
-        say_changed_figures(run.facts, earlier, run.progress)
+        _say(run, earlier)
     return run.result()
 
 
 def _method(parameters: GridChangeParameters) -> str:
     """How the change was taken, for the zones' column ``method``."""
     return "series (cells that grow)" if parameters.grows else f"series ({parameters.cell_value} cells)"
+
+
+def _say(run: Run, earlier: dict[str, Any] | None) -> None:
+    for sentence in run.facts["limits"]:
+        run.progress.info(sentence)
+    say_changed_figures(run.facts, earlier, run.progress)
 
 
 def _dates(epochs: Sequence[Epoch]) -> tuple[date, ...]:
