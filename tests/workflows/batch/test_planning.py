@@ -173,7 +173,7 @@ def test_motion_takes_no_more_than_is_estimated_and_not_much_less(side: float, d
 def _growth(work: Callable[[], object]) -> int:
     """Bytes of resident memory at the peak of a forked process beyond what it has at its start.
 
-    Earlier tests in this process may have freed memory that the allocator kept; it is given back first, or it would hide the growth.
+    The allocator may keep memory that earlier tests freed; it is given back first, or it would hide the growth.
     """
     reader, writer = os.pipe()
     child = os.fork()
