@@ -37,6 +37,8 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     picture = parts.screened_slope(source, layers, parts.map_size(source)) if source.is_screening else b""
     if motion is not None:
         picture = content_of(motion.map)
+    if source.is_series and surface is None:
+        picture = parts.whole_slope(source)
     picture = picture or slope_map(surface, replace(layers, lines=named), *parts.map_size(source))
     document.blocks.append(parts.first_page(document, source, picture))
     if not source.is_screening:
@@ -49,7 +51,8 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     if motion is not None:
         document.blocks += motion_details(document, motion)
     document.blocks += surveyed(source.record, source.details)
-    document.blocks += parts.pictures(document, source)
+    if not source.is_series or surface is not None:
+        document.blocks += parts.pictures(document, source)
     document.blocks += parts.screened(document, source)
     document.blocks += explained(source.record, has_screened=bool(len(source.screened)))
     document.blocks += parts.limits(source.words)
