@@ -11,6 +11,12 @@ from typing import Any, Callable
 Say = Callable[[str], str]
 """Gives a text in the reader's language."""
 
+_STATES = {
+    "reached": "{0}, reached on {1}",
+    "kept": "{0}, kept, reached on {1}",
+    "withdrawn": "{0}, withdrawn on {1}",
+}
+
 
 @dataclass(frozen=True)
 class AlertState:
@@ -30,16 +36,14 @@ class AlertState:
 
     def words(self, say: Say) -> str:
         """Level, name, state and day: ``0 no confirmed change, withdrawn on 2024-09-28``."""
-        if not self.state or not self.since:
+        if self.state not in _STATES or not self.since:
             return self.short(say)
-        words = f"{self.level} {say(self.name)}".strip()
-        if self.state == "kept":
-            return say("{0}, kept, reached on {1}").format(words, self.since)
-        return say("{0}, {1} on {2}").format(words, say(self.state), self.since)
+        return say(_STATES[self.state]).format(f"{self.level} {say(self.name)}".strip(), self.since)
 
     def reason_words(self, say: Say) -> str:
-        """The reason as a sentence; empty where nothing was ever reached."""
-        return f"{say(self.reason[:1].upper() + self.reason[1:])}." if self.reason else ""
+        """The reason with a capital; empty where nothing was ever reached."""
+        reason = say(self.reason) if self.reason else ""
+        return reason[:1].upper() + reason[1:]
 
 
 @dataclass(frozen=True)

@@ -182,6 +182,7 @@ COMPOSED = (
     "Dates",
     "Series",
     "mm/day",
+    "mm/month",
     "mm/year",
     "Interpreter: {0} ({1})",
     "{0} to {1}",
@@ -190,6 +191,8 @@ COMPOSED = (
     "Error (%)",
     "Height (m)",
     "Days",
+    "Rate",
+    "Velocity",
     "Velocity (mm/day)",
     "Rate (mm/day)",
     "Change (m)",
@@ -198,7 +201,6 @@ COMPOSED = (
     "Place (x, y)",
     "Largest height (m)",
     "UAV",
-    "Fastest (mm/day)",
     "Largest volume (m³)",
 )
 """Messages that the code puts together of parts that do not stand alone."""
@@ -216,6 +218,7 @@ WORDS = (
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
     "unsure", "Options", "Installation", "by", "run", "medium", "robust",
+    "reached", "kept", "withdrawn", "Fastest", "Compared",
     "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
     "sliding", "motion", "both",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",

@@ -50,9 +50,9 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
         document.blocks += _along_lines(document, surface, lines, source.ends)
     if motion is not None:
         document.blocks += motion_details(document, motion)
-    document.blocks += surveyed(source.record, source.details)
-    if not source.is_series or surface is not None:
-        document.blocks += parts.pictures(document, source)
+    above = [] if source.is_series and surface is None else parts.pictures(document, source)
+    measured = surveyed(source.record, source.details)
+    document.blocks += [*above, *measured] if source.is_series else [*measured, *above]
     document.blocks += parts.screened(document, source)
     document.blocks += explained(source.record, has_screened=bool(len(source.screened)))
     document.blocks += parts.limits(source.words)

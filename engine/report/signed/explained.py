@@ -160,5 +160,5 @@ def _alerts(table: list[dict[str, Any]]) -> list[Block]:
 def _criterion(row: Mapping[str, Any], name: str, unit: RateUnit) -> str:
     value = value_of(row, name)
     if name == "rate_mm_day":
-        return figure(row, name, digits=significant_decimals(value or 0.0), scale=unit.days)
+        return figure(row, name, digits=significant_decimals(unit.days * (value or 0.0)), scale=unit.days)
     return figure(row, name, digits=0 if value is None or value == round(value) else 1)

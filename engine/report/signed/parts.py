@@ -33,7 +33,7 @@ _SIGNATURES_MM, _LINES_MM = 50.0, 30.0  # at least, of the fields for signatures
 _MOST_DAYS = 6
 _ZONE_FIGURES = (("Mean change (m)", 15.0), ("Area (m²)", 13.5), ("Net volume (m³)", 23.0))
 _RATE_MM = 25.0
-"""Columns of the table of zones, with their millimetres where the place on the road needs room."""
+"""Columns of the table of zones, with their millimetres."""
 _PICTURE_MM = 100.0
 """With its heading less than half a page, so that a page which it has no room on is at least half full."""
 
@@ -104,8 +104,8 @@ def zone_table(source: Source, zones: gpd.GeoDataFrame, *, links: bool = True) -
         Column(say("Zone"), left=True),
         Column(say("Kind"), left=True),
         Column(say("Alert") if series else say("Severity"), left=True, wide=not road),
-        *(Column(say(words), width=width if road else 0.0) for words, width in _ZONE_FIGURES),
-        Column(f"{say('Rate')} ({say(unit.name)})", width=_RATE_MM if road else 0.0),
+        *(Column(say(words), width=width) for words, width in _ZONE_FIGURES),
+        Column(f"{say('Rate')} ({say(unit.name)})", width=_RATE_MM),
         *([Column(say("On the road"), left=True, wide=True)] if road else []),
         Column(say("Review"), left=True),
     ]

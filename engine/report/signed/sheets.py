@@ -31,6 +31,7 @@ MOST_SHEETS = 12
 _MAP_MM = 90.0, 108.0
 _SECTION_MM, _LOW_SECTION_MM, _COURSE_MM = 70.0, 40.0, 52.0
 _LAST_SURVEYS = 5
+_LAST_CHANGES = 4
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 _MAX_REMARKS = 700  # letters of a review on a sheet; the HTML report has all of it
 
@@ -236,9 +237,13 @@ def _level_history(levels: ZoneLevels | None) -> list[tuple[float, list[Block]]]
     columns = [Column(say("Survey"), left=True), Column(say("Level")), Column(say("State"), left=True)]
     columns.append(Column(say("Reason"), left=True, wide=True))
     rows: list[list[Cell]] = [
-        [change.day, str(change.level), say(change.state), say(change.reason)] for change in levels.changes
+        [change.day, str(change.level), say(change.state), say(change.reason)]
+        for change in levels.changes[-_LAST_CHANGES:]
     ]
-    return [(0, [blocks.heading(say("History of the alert level"), 2), blocks.table(columns, rows)])]
+    title = say("History of the alert level")
+    if len(levels.changes) > _LAST_CHANGES:
+        title = say(f"History of the alert level, the last {_LAST_CHANGES} of {len(levels.changes)} changes")
+    return [(0, [blocks.heading(title, 2), blocks.table(columns, rows)])]
 
 
 def _motion_of(vectors: NDArray[np.float64], zone: Any) -> str:
