@@ -10,6 +10,7 @@ from qgis.PyQt.QtCore import QAbstractTableModel, QModelIndex, QSortFilterProxyM
 from qgis.PyQt.QtGui import QColor
 
 from ...interface.reviews import CONFIRMED, REJECTED, UNREVIEWED
+from ...interface.rounding import significant_decimals
 from ..bridge.words import tr
 from .zone_rows import ZoneRow
 
@@ -78,12 +79,13 @@ class ZoneModel(QAbstractTableModel):
 
     def _texts(self, row: ZoneRow) -> list[str]:
         change = "" if row.change is None else f"{row.change:+.3f}"
-        area = "" if row.area is None else f"{row.area:.1f}"
+        decimals = 1 if row.alert is None or row.area is None else significant_decimals(row.area)
+        area = "" if row.area is None else f"{row.area:.{decimals}f}"
         mark = " ✎" if row.remarks else ""
         mark += " ▣" if row.photo else ""
         state = state_words().get(row.state, row.state) + mark
         grade = row.severity if row.alert is None else row.alert.short(tr)
-        return [row.name, state, row.kind, grade, change, area, row.date]
+        return [row.name, state, tr(row.kind), grade, change, area, row.date]
 
     def _values(self, row: ZoneRow) -> list[Any]:
         grade = row.severity if row.alert is None else str(row.alert.level)
