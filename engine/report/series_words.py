@@ -87,6 +87,8 @@ def verdict(record: Mapping[str, Any]) -> list[str]:
 
 def _is_told(zone: Mapping[str, Any]) -> bool:
     """Zones with an alert, or whose alert was withdrawn, and those that two surveys in a row confirm."""
+    if value_of(zone, "dz_mean_m") is None:
+        return False
     state = alert_state(zone)
     alerted = state is not None and (state.level > 0 or state.state != "")
     return alerted or (value_of(zone, "n_epochs_confirmed") or 0) >= 2

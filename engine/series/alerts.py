@@ -245,8 +245,8 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
         )
     elif row.rate_mm_day is not None and rate is not None and rate - beyond * evidence.rate_err >= row.rate_mm_day:
         unit = rate_unit([row.rate_mm_day])
-        shown, limit = f"{unit.days * rate:.3g} {unit.name}", f"{unit.days * row.rate_mm_day:.3g}"
-        reason = f"rate {shown}, beyond {limit} with an error chance of {chance}"
+        shown, limit = f"{unit.days * rate:.3g}", f"{unit.days * row.rate_mm_day:.3g}"
+        reason = f"rate {shown} {unit.name}, beyond {limit} with an error chance of {chance}"
     elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond and not evidence.at_rest:
         reason = (
             f"confirmed by {evidence.epochs_confirmed} comparisons, at least {row.epochs_confirmed}, "

@@ -165,9 +165,9 @@ def limits_of(analysis: Analysis, dates: tuple[date, ...], along: str | None = N
     apart = f"{min(steps)}" if min(steps) == max(steps) else f"{min(steps)} to {max(steps)}"
     unit = rate_unit(rates)
     first, last = f"{unit.days * low:.2g}", f"{unit.days * high:.2g}"
-    span = f"{first} {unit.name}" if first == last else f"{first} to {last} {unit.name}"
+    span = first if first == last else f"{first} to {last}"
     seen = (
-        f"Between two of these surveys, {apart} days apart, a cell must move by {span} to "
+        f"Between two of these surveys, {apart} days apart, a cell must move by {span} {unit.name} to "
         "be seen: this screens trends, it is no alarm."
     )
     if along is not None:
