@@ -55,7 +55,7 @@ def corridor_page(
         alerts=alerts,
         open_alerts=len(alerts),
         pictures=pictures,
-        **facts,
+        **({"levels": {}, "withdrawn": []} | dict(facts)),
     )
 
 
@@ -66,18 +66,13 @@ def levels_of_zones(zones: gpd.GeoDataFrame) -> dict[str, str]:
 
 
 def withdrawn_of(zones: gpd.GeoDataFrame) -> list[dict[str, str]]:
-    """Zones whose last survey withdrew their alert, or came after one that did: slope, zone, level and reason."""
-    states = ((row, alert_state(row)) for row in _records(zones))
-    return [
-        {
-            "slope": str(row["slope"]),
-            "zone_id": str(row["zone_id"]),
-            "level": s.words(say),
-            "reason": s.reason_words(say),
-        }
-        for row, s in states
-        if s is not None and s.state == "withdrawn"
-    ]
+    """Zones of a series whose alert is withdrawn: slope, zone, level and reason. A body of several has one row."""
+    found = []
+    for row in _records(zones):
+        state, names = alert_state(row), {"slope": str(row["slope"]), "zone_id": str(row["zone_id"])}
+        if state is not None and state.state == "withdrawn" and row.get("body") in (None, "", row["zone_id"]):
+            found.append({**names, "level": state.words(say), "reason": state.reason_words(say)})
+    return found
 
 
 def _records(zones: gpd.GeoDataFrame) -> list[dict[str, Any]]:
