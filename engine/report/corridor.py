@@ -12,14 +12,12 @@ import shapely
 from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
-from ...interface.alert_states import alert_state
 from ...interface.language import current_language
 from ...interface.rates import RULE, RateUnit, rate_unit
 from ..core.templates import render
 from .embedding import Picture, encoded
 from .signed.corridor_pictures import Span, corridor_map, road_strip, strip_height
 from .signed.details import chainage_text
-from .signed.figures_in_text import say
 
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
 
@@ -38,7 +36,7 @@ def corridor_page(
         failed: slope and sentence.
         alerts: open events.
         facts: ``software``, ``manifest``, ``count`` (of all slopes) and ``zones``; ``levels`` and ``withdrawn`` as
-            ``levels_of_zones`` and ``withdrawn_of`` give them.
+            ``corridor_alerts`` gives them.
         pictures: see ``corridor_pictures``.
     """
     css = Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8"))
@@ -57,26 +55,6 @@ def corridor_page(
         pictures=pictures,
         **({"levels": {}, "withdrawn": []} | dict(facts)),
     )
-
-
-def levels_of_zones(zones: gpd.GeoDataFrame) -> dict[str, str]:
-    """By the id of each zone of a series its alert level and state in words, as its own report has them."""
-    states = ((str(row["zone_id"]), alert_state(row)) for row in _records(zones))
-    return {zone: state.words(say) for zone, state in states if state is not None}
-
-
-def withdrawn_of(zones: gpd.GeoDataFrame) -> list[dict[str, str]]:
-    """Zones of a series whose alert is withdrawn: slope, zone, level and reason. A body of several has one row."""
-    found = []
-    for row in _records(zones):
-        state, names = alert_state(row), {"slope": str(row["slope"]), "zone_id": str(row["zone_id"])}
-        if state is not None and state.state == "withdrawn" and row.get("body") in (None, "", row["zone_id"]):
-            found.append({**names, "level": state.words(say), "reason": state.reason_words(say)})
-    return found
-
-
-def _records(zones: gpd.GeoDataFrame) -> list[dict[str, Any]]:
-    return [] if "alert_level" not in zones else zones.drop(columns=zones.geometry.name).to_dict("records")
 
 
 def corridor_pictures(

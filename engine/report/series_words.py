@@ -10,7 +10,7 @@ from typing import Any
 from ...interface.alert_states import AlertState, LevelChange, alert_state, level_changes
 from ...interface.rates import RateUnit, rate_unit
 from ..zones.fields import KINDS, SLIDING
-from .signed.figures_in_text import figure, percent, say, significant, value_of, with_error, words_of
+from .figures_in_text import figure, percent, say, significant, value_of, with_error, words_of
 
 _MOST_NAMED = 3
 _COLOUR = re.compile(r"#[0-9a-f]{6}")

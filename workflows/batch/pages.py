@@ -17,7 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from ...engine.core.progress import Progress
 from ...engine.core.version import VERSION
-from ...engine.report.corridor import corridor_page, corridor_pictures, levels_of_zones, withdrawn_of
+from ...engine.report.corridor import corridor_page, corridor_pictures
+from ...engine.report.corridor_alerts import levels_of_zones, withdrawn_of
 from ...engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from ...engine.report.signed.corridor_pictures import Span
 from .ranking import Ranked

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ...zones.profile_lines import ProfileLine
+from ..figures_in_text import say
 from . import blocks, parts
 from .blocks import Block, Document
 from .explained import explained
-from .figures_in_text import say
 from .maps import slope_map
 from .motion_sheets import motion_details, motion_of
 from .rasters import Surface, surface_of

@@ -13,12 +13,12 @@ from shapely.geometry.base import BaseGeometry
 from ....interface.rates import RateUnit, rate_unit
 from ...core.progress import Progress
 from ...core.version import VERSION
-from ..corridor import withdrawn_of
+from ..corridor_alerts import withdrawn_of
+from ..figures_in_text import figure, say
 from . import blocks, parts
 from .blocks import Block, Cell, Column, Document
 from .corridor_pictures import Span, corridor_map, road_strip, strip_height
 from .details import FLIGHT, LABELS, Details, chainage_text, details_of
-from .figures_in_text import figure, say
 from .slope_sheets import alert_table, slope_label, slope_sheets
 from .write import save, say_missing
 

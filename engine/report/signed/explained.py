@@ -9,9 +9,9 @@ from ....interface.rates import RateUnit, rate_unit
 from ....interface.rounding import significant_decimals
 from ...zones.confirmation import VERDICTS
 from ..compose import MEANINGS
+from ..figures_in_text import NOT_KNOWN, figure, percent, say, value_of
 from . import blocks
 from .blocks import Block, Cell, Column
-from .figures_in_text import NOT_KNOWN, figure, percent, say, value_of
 
 _CRITERIA = (
     ("epochs_confirmed", "Surveys in a row"),

@@ -12,13 +12,13 @@ from ....interface.alert_states import alert_state
 from ....interface.rates import RateUnit
 from ...zones.fields import SLIDING
 from ..embedding import Picture, photograph
+from ..figures_in_text import figure, say, significant, with_error, words_of
 from ..record_shape import inside
 from ..reviews import Review
 from ..series_words import unit_of_rates
 from . import blocks
 from .blocks import Block, Cell, Column, Document
 from .details import LABELS, Details, place_text
-from .figures_in_text import figure, say, significant, with_error, words_of
 from .maps import MapLayers, slope_map
 from .motion_sheets import first_zones
 from .page_words import PageWords

@@ -16,13 +16,13 @@ from ....interface.alert_states import alert_state
 from ....interface.rates import RateUnit
 from ...zones.fields import SLIDING
 from ..embedding import Picture
+from ..figures_in_text import figure, interval, percent, say, significant, value_of, with_error, words_of
 from ..reviews import Review
 from ..series_words import ZoneLevels, levels_of, unit_of_rates
 from . import blocks
 from .blocks import Block, Cell, Column, Document
 from .courses import course_drawing, has_motion
 from .details import place_text, text_width
-from .figures_in_text import figure, interval, percent, say, significant, value_of, with_error, words_of
 from .maps import MapLayers, zone_map
 from .rasters import Surface
 from .sections import Section, section_drawing, zone_sections

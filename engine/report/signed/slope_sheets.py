@@ -16,10 +16,10 @@ from ...core.errors import InputError
 from ...core.input_files import read_input
 from ...core.progress import Progress
 from ..compose import REPORT, read_record
+from ..figures_in_text import figure, percent, say, value_of
 from . import blocks, parts
 from .blocks import Block, Cell, Column, Document
 from .details import chainage_text
-from .figures_in_text import figure, percent, say, value_of
 from .maps import slope_map
 from .page_words import PageWords, page_words
 from .rasters import surface_of

@@ -7,10 +7,10 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from ..compose import role_words
+from ..figures_in_text import figure, interval, percent, say, value_of, with_error
 from . import blocks
 from .blocks import Block, Cell, Column
 from .details import FLIGHT, LABELS, Details
-from .figures_in_text import figure, interval, percent, say, value_of, with_error
 
 _DIGITS = {"m²": 1, "m³": 2, "m": 4, "%": 1}
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ....interface.language import current_language, translator
-from ....interface.rounding import digits_of_error, significant_decimals
-from ..figures import LEAST_ERROR, number
+from ...interface.language import current_language, translator
+from ...interface.rounding import digits_of_error, significant_decimals
+from .figures import LEAST_ERROR, number
 
 NOT_KNOWN = "–"
 
