@@ -244,6 +244,7 @@ def _facts(
 ) -> dict[str, Any]:
     """What the record and the report state about the surveys."""
     return {
+        "reference_system": {"name": about.crs.name, "epsg": about.crs.to_epsg()},
         "limits": limits_of(analysis, about.dates, None if motion is None else motion.sentence()),
         "motion": None if motion is None else motion.facts(),
         "alerts": [plain(row) for row in alerts],

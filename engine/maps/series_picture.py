@@ -1,4 +1,4 @@
-"""One picture of a series: where the slope moves how fast, and each zone's change survey by survey."""
+"""The map of a series: where the slope moves how fast, with its zones."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
-from matplotlib.dates import date2num
 
+from ...interface.rates import rate_unit
 from ..core.arrays import Bool
-from ..core.number_text import fixed
 from ..core.staged_outputs import atomic_output
 from ..series.tables import About, zone_polygon
 from ..series.velocity import CellVelocity
@@ -28,47 +26,42 @@ from .map_parts import (
     draw_signed_bar,
 )
 from .palette import colour_limit, diverging_colours
-from .picture_words import date_axis, fonts, say
+from .picture_words import fonts, say
 
-_MAX_LINES = 8  # more cannot be distinguished
+_WIDTH_IN, _HEIGHT_IN = 9.0, 5.9
+_MAP_IN = 7.8, 3.8
 
 
 def write_series_picture(
     path: Path, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About, footer: str, unseen: Bool
 ) -> None:
-    """Write the velocity map with the zones in the colours of their alerts, and the series of the highest of them.
-
-    Bars are 95 % intervals. At most eight zones get a line: those with the highest alert, then the fastest.
+    """Write the velocity map with the zones in the colours of their alerts.
 
     Args:
         unseen: ground (rows, columns) that the last survey did not compare; it is hatched.
     """
-    sheet = Sheet(13.0, 5.6, dpi=110)
+    sheet = Sheet(_WIDTH_IN, _HEIGHT_IN, dpi=110)
     ends = (about.dates[0].isoformat(), about.dates[-1].isoformat())
     title = say("{0} to {1}, {2} surveys").format(*ends, len(about.dates))
-    sheet.text(6.5, 5.4, title, 12.0, ha="center")
+    sheet.text(_WIDTH_IN / 2, 5.65, title, 12.0, ha="center")
     _map(sheet, zones, velocity, about, unseen)
-    _chart(sheet.axes(7.4, 0.85, 5.4, 4.1), zones, about)
-    sheet.text(6.5, 0.15, say(footer), 8.5, ha="center")
+    sheet.text(_WIDTH_IN / 2, 0.15, say(footer), 8.5, ha="center")
     with atomic_output(path) as partial:
         sheet.figure.savefig(partial, format="png", metadata={"Software": None})
 
 
-def _ranked(zones: Sequence[ZoneSeries]) -> list[ZoneSeries]:
-    return sorted(zones, key=lambda z: (-z.alert.level, -z.fastest))
-
-
 def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About, unseen: Bool) -> None:
-    rate = 1000 * velocity.rate
+    unit = rate_unit([None if zone.velocity is None else 1000 * zone.velocity.rate for zone in zones])
+    rate = 1000 * unit.days * velocity.rate
     with np.errstate(invalid="ignore"):
         beyond = np.abs(velocity.rate) > Z95 * velocity.error
-    limit = colour_limit(rate[beyond], level=1000 * Z95 * float(np.nanmedian(velocity.error)))
+    limit = colour_limit(rate[beyond], level=1000 * unit.days * Z95 * float(np.nanmedian(velocity.error)))
     image = np.where(np.isfinite(rate), 217, 255).astype(np.uint8)[..., np.newaxis].repeat(3, axis=2)
     image[beyond] = diverging_colours(rate[beyond], limit)
     west, south, east, north = about.grid.bounds
-    inches = min(5.6 / (east - west), 3.5 / (north - south))
+    inches = min(_MAP_IN[0] / (east - west), _MAP_IN[1] / (north - south))
     wide, tall = inches * (east - west), inches * (north - south)
-    axes = sheet.axes(0.6 + (5.6 - wide) / 2, 1.4 + (3.5 - tall) / 2, wide, tall, "map")
+    axes = sheet.axes(0.6 + (_MAP_IN[0] - wide) / 2, 1.4 + (_MAP_IN[1] - tall) / 2, wide, tall, "map")
     draw_image(axes, image, about.grid, "nearest")
     if unseen.any():
         axes.contourf(
@@ -95,49 +88,16 @@ def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, abou
         )
     draw_north(sheet, 0.75, 0.5)
     draw_scale_bar(sheet, 1.25, 0.65, 1.6, inches)
-    draw_signed_bar(sheet, (3.6, 0.65, 2.6, 0.16), diverging_colours(np.linspace(-1, 1, 256), 1.0), limit)
+    draw_signed_bar(sheet, (5.2, 0.65, 2.6, 0.16), diverging_colours(np.linspace(-1, 1, 256), 1.0), limit)
     sheet.text(
-        4.9,
+        6.0,
         0.95,
-        say("velocity (mm/day): red lowers, blue rises, grey within its error, hatched not compared"),
+        say("velocity ({0}): red lowers, blue rises, grey within its error, hatched not compared").format(unit.name),
         ha="center",
     )
     used = {zone.alert.level: zone.alert for zone in zones}
     x = 0.6
     for level in sorted(used, reverse=True):
         words = f"{level} {say(used[level].name)}"
-        draw_key(sheet, x, 5.13, [words], face=used[level].colour)
+        draw_key(sheet, x, 5.37, [words], face=used[level].colour)
         x += 0.6 + sheet.text_width(words, SMALL)
-
-
-def _chart(axes: Axes, zones: Sequence[ZoneSeries], about: About) -> None:
-    days = np.asarray(date2num(about.dates))
-    for number, zone in enumerate(_ranked(zones)[:_MAX_LINES]):
-        known = np.flatnonzero(np.isfinite(zone.change))
-        label = zone.track.zone_id
-        if zone.velocity is not None:
-            v = zone.velocity
-            rate, low, high = (fixed(1000 * value, 2, sign=True) for value in (v.rate, v.low, v.high))
-            label += ": " + say("{0} mm/day ({1} to {2})").format(rate, low, high)
-        axes.errorbar(
-            days[known],
-            zone.change[known],
-            yerr=Z95 * zone.error[known],
-            color=f"C{number}",
-            marker="o",
-            markersize=4,
-            capsize=2,
-            linewidth=1.3,
-            label=label,
-        )
-    axes.axhline(0, color="#666666", linewidth=0.8)
-    axes.grid(color="#e5e5e5")
-    date_axis(axes.xaxis)
-    axes.set_ylabel(say("mean change of the zone against the first survey (m)"), fontproperties=fonts(10))
-    if zones:
-        axes.legend(prop=fonts(8))
-        title = say("{0} of {1} zones, bars 95 %").format(min(len(zones), _MAX_LINES), len(zones))
-    else:
-        axes.set_xlim(days[0], days[-1])
-        title = say("no change above the level of detection")
-    axes.set_title(title, fontproperties=fonts(10))

@@ -137,55 +137,48 @@ def _vectors_in_words(vectors: SectionVectors | None) -> str:
 
 
 def course_chart(record: Mapping[str, Any]) -> Picture | None:
-    """Mean change and net volume of the first ``COURSES`` zones against the day, with 95 % bands; None without zones.
+    """Mean change of the first ``COURSES`` zones against the day, with 95 % bands; None without zones.
 
-    Zones have the colours of the same zones in ``series.png``. A survey that did not measure a zone is left out of its
-    curve.
+    The volume is the mean change times the area, so it has the same course. A survey that did not measure a
+    zone is left out of its curve.
     """
     course = record.get("course")
     if not course:
         return None
     names = [zone["zone_id"] for zone in record["zones"][:COURSES]]
     days = [date.fromisoformat(day) for day in record["dates"]]
-    sheet = Sheet(_WIDE, 4.6)
-    above, below = sheet.axes(0.7, 2.45, 6.3, 1.7), sheet.axes(0.7, 0.45, 6.3, 1.7)
-    for axes, value, error, words in (
-        (above, "dz_mean_m", "dz_err_m", "mean change (m)"),
-        (below, "vol_net_m3", "vol_err_m3", "net volume (m³)"),
-    ):
-        for number, name in enumerate(names):
-            known = [row for row in course[name] if value in row and error in row]
-            at = [days[0], *(date.fromisoformat(row["epoch"]) for row in known)]
-            middle = np.array([0.0, *(row[value] for row in known)])
-            half = Z95 * np.array([0.0, *(row[error] for row in known)])
-            # dates as numbers: matplotlib's own conversion takes lists of dates, which type checkers do not know
-            x, colour = np.asarray(date2num(at)), f"C{number}"
-            axes.fill_between(x, middle - half, middle + half, color=colour, alpha=0.2, lw=0)
-            axes.plot(x, middle, color=colour, lw=1.1, marker="o", ms=3, label=name.replace("$", r"\$"))
-        axes.axhline(0.0, color=_SOFT, lw=0.6)
-        for day in date2num(days):
-            axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
-        first, last = date2num([days[0], days[-1]])
-        axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
-        date_axis(axes.xaxis, max_ticks=8)
-        finish(axes, "", words)
-    above.set_xticklabels([])
-    below.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
-    above.legend(
+    sheet = Sheet(_WIDE, 2.9)
+    axes = sheet.axes(0.7, 0.45, 6.3, 2.0)
+    for number, name in enumerate(names):
+        known = [row for row in course[name] if "dz_mean_m" in row and "dz_err_m" in row]
+        at = [days[0], *(date.fromisoformat(row["epoch"]) for row in known)]
+        middle = np.array([0.0, *(row["dz_mean_m"] for row in known)])
+        half = Z95 * np.array([0.0, *(row["dz_err_m"] for row in known)])
+        # dates as numbers: matplotlib's own conversion takes lists of dates, which type checkers do not know
+        x, colour = np.asarray(date2num(at)), f"C{number}"
+        axes.fill_between(x, middle - half, middle + half, color=colour, alpha=0.2, lw=0)
+        axes.plot(x, middle, color=colour, lw=1.1, marker="o", ms=3, label=name.replace("$", r"\$"))
+    axes.axhline(0.0, color=_SOFT, lw=0.6)
+    for day in date2num(days):
+        axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
+    first, last = date2num([days[0], days[-1]])
+    axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
+    date_axis(axes.xaxis, max_ticks=8)
+    finish(axes, "", "mean change (m)")
+    axes.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
+    axes.legend(
         loc="lower left", frameon=False, ncols=len(names), prop=fonts(SMALL), borderaxespad=0.0, handlelength=1.2,
         columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
     )  # fmt: skip
-    sheet.figure.align_ylabels([above, below])
     ends = "; ".join(
-        f"{name} changed by {fixed(row['dz_mean_m'], 3, sign=True)} m, its volume by "
-        f"{fixed(row['vol_net_m3'], 2, sign=True)} m³"
+        f"{name} changed by {fixed(row['dz_mean_m'], 3, sign=True)} m"
         for name in names
         for row in [r for r in course[name] if "dz_mean_m" in r][-1:]
     )
     return drawing(
         sheet.figure,
-        f"Mean change and net volume of {len(names)} zones against the first survey on {len(days)} days, with 95 % "
-        f"bands; at the end: {ends}",
+        f"Mean change of {len(names)} zones against the first survey on {len(days)} days, with 95 % bands; at the "
+        f"end: {ends}",
     )
 
 

@@ -16,6 +16,7 @@ from ...interface.parameters import (
     Specification,
     command_sets,
 )
+from ...interface.rates import RULE
 from ..core.errors import EngineError, InputError
 from ..core.json_shapes import read_json
 from ..core.messages import shown
@@ -121,7 +122,7 @@ def compose(
             f"{shown(folder / 'run.json')} is no record of a change, a motion or a screening; give the folder of such "
             "a run."
         )
-    return render(_TEMPLATES / template, current_language(), **context, **more)
+    return render(_TEMPLATES / template, current_language(), **(context | more))
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -247,10 +248,18 @@ def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
     from .charts import COURSES, course_chart, motion_chart
     from .embedding import photograph
     from .ground import ground_section
+    from .series_words import colours, grouped, levels_of, unit_of_rates, verdict
 
     roles = [str(i["role"]) for i in record["inputs"]]
-    words = "Map of the velocity of each cell, and the mean change of each zone from survey to survey"
+    words = "Map of the velocity of each cell, with the zones in the colours of their alert levels"
     return {
+        "record": record | {"warnings": grouped(record["warnings"])},
+        "named": bool((record["parameters"].get(DetailParameters.record_name) or {}).get("slope_name")),
+        "verdict": verdict(record),
+        "rates": unit_of_rates(record),
+        "rate_rule": RULE,
+        "colours": colours(record),
+        "levels": levels_of(record, _MAX_ZONES),
         "days": [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")],
         "pictures": {
             "series": photograph(folder / "series.png", words, 1000),

@@ -13,6 +13,7 @@ from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
 from ...interface.language import current_language
+from ...interface.rates import RULE, RateUnit, rate_unit
 from ..core.templates import render
 from .embedding import Picture, encoded
 from .signed.corridor_pictures import Span, corridor_map, road_strip, strip_height
@@ -34,21 +35,25 @@ def corridor_page(
         done: slopes with the fields of ``ranking.Ranked`` of the batch; ``report`` is a path from the page.
         failed: slope and sentence.
         alerts: open events.
-        facts: ``software``, ``manifest``, ``count`` (of all slopes) and ``zones``.
+        facts: ``software``, ``manifest``, ``count`` (of all slopes) and ``zones``; ``levels`` and ``withdrawn`` as
+            ``corridor_alerts`` gives them.
         pictures: see ``corridor_pictures``.
     """
     css = Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8"))
-    shown = [{name: _shown(name, getattr(slope, name)) for name in slope.__dataclass_fields__} for slope in done]
+    unit = rate_unit(slope.rate_mm_day for slope in done)
+    shown = [{name: _shown(name, getattr(slope, name), unit) for name in slope.__dataclass_fields__} for slope in done]
     return render(
         _TEMPLATES / "corridor.html.j2",
         current_language(),
         css=css,
+        rates=unit,
+        rate_rule=RULE,
         done=shown,
         failed=failed,
         alerts=alerts,
         open_alerts=len(alerts),
         pictures=pictures,
-        **facts,
+        **({"levels": {}, "withdrawn": []} | dict(facts)),
     )
 
 
@@ -92,11 +97,12 @@ def _height(zones: gpd.GeoDataFrame, regions: Sequence[tuple[str, BaseGeometry]]
 _WIDTH_MM, _HEIGHTS_MM, _FOOT_MM = 250.0, (75.0, 160.0), 45.0
 _NAMED = 12
 """Slopes that are named to those who cannot see the pictures; the table has all."""
-_DECIMALS = {"rate_mm_day": 2, "volume_m3": 2, "largest_m": 2, "chainage": 0}
+_DECIMALS = {"rate_mm_day": 1, "volume_m3": 2, "largest_m": 2, "chainage": 0}
 
 
-def _shown(name: str, value: Any) -> Any:
+def _shown(name: str, value: Any, unit: RateUnit) -> Any:
     """A figure as people read it."""
     if name not in _DECIMALS:
         return value
-    return "–" if value is None else f"{value + 0.0:,.{_DECIMALS[name]}f}"
+    scale = unit.days if name == "rate_mm_day" else 1.0
+    return "–" if value is None else f"{value * scale + 0.0:,.{_DECIMALS[name]}f}"

@@ -8,10 +8,12 @@ from typing import Any
 from markupsafe import Markup
 
 from ...interface.language import current_language, translator
-from ..core.number_text import digits_for_error, fixed
+from ...interface.rounding import digits_of_error, significant_decimals
+from ..core.number_text import fixed
 
 #: A key of the record, or several in a row.
 Key = str | int | tuple[str | int, ...]
+LEAST_ERROR = 1e-6  # in metres, m² or m³: below it nothing has a meaning
 #: What stands where a figure is not known.
 UNKNOWN = Markup('<span class="unknown">not known</span>')
 
@@ -66,19 +68,25 @@ class Figures:
     def with_error(
         self, place: tuple[Key, ...], error: tuple[Key, ...], unit: str = "", digits: int = 3, **more: Any
     ) -> Markup:
-        """A figure with its standard error: 1.23 ± 0.04 m³; without the error where that is not known, or nothing.
+        """A figure with its standard error, whose two significant digits say where both end: 1.234 ± 0.041 m³.
 
-        Both have more decimals where the error would else be rounded to zero.
+        Without the error where that is not known, or nothing; then with ``digits`` decimals.
         """
         scale = more.get("scale", 1.0)
         uncertain = self.value(*error)
-        known = isinstance(uncertain, (int, float)) and math.isfinite(uncertain)
-        digits = digits_for_error(uncertain * scale, digits) if known else digits
-        if not known or round(uncertain * scale, digits) <= 0 or self(*place) == UNKNOWN:
+        known = isinstance(uncertain, (int, float)) and math.isfinite(uncertain) and uncertain * scale > LEAST_ERROR
+        if not known or self(*place) == UNKNOWN:
             return self(*place, unit=unit, digits=digits, **more)
+        digits = digits_of_error(uncertain * scale)
         return Markup("{}&nbsp;±&nbsp;{}").format(
             self(*place, digits=digits, **more), self(*error, unit=unit, digits=digits, scale=scale)
         )
+
+    def significant(self, *place: Key, unit: str = "") -> Markup:
+        """A figure without an error: two significant digits, more only before the point."""
+        value = self.value(*place)
+        known = isinstance(value, (int, float)) and math.isfinite(value)
+        return self(*place, unit=unit, digits=significant_decimals(value) if known else 0)
 
     def percent(self, *place: Key, digits: int = 0) -> Markup:
         """A share as a percentage."""

@@ -120,11 +120,15 @@ _CHANGE = fields(
         "level_of_detection": maybe(fields({}, {"terms": maybe(_ROWS), "slope_classes": maybe(_ROWS)})),
     },
 )
-_COVERED = fields(
-    {"epoch": day}, dict.fromkeys(("compared_share", "compared_m2", "only_first_m2", "only_this_m2"), _SHARE_OR_MORE)
+_COVERAGE = (
+    "compared_share", "compared_m2", "only_first_m2", "only_this_m2", "too_few_points_m2", "points_m2",
+    "first_points_m2", "error_median_m", "vegetation_m2",
+)  # fmt: skip
+_COVERED = fields({"epoch": day}, dict.fromkeys(_COVERAGE, _SHARE_OR_MORE))
+_COURSE_NUMBERS = ("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3", "motion_m", "motion_err_m", "alert_level")
+_COURSE = fields(
+    {"epoch": day}, {**dict.fromkeys(_COURSE_NUMBERS, _NUMBER), "alert_state": text(), "alert_reason": text()}
 )
-_COURSE_NUMBERS = ("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3", "motion_m", "motion_err_m")
-_COURSE = fields({"epoch": day}, dict.fromkeys(_COURSE_NUMBERS, _NUMBER))
 _SERIES = fields(
     {"zones": maybe(rows(fields({"zone_id": text()}, {"kind": text()})))},
     {

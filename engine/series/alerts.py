@@ -13,6 +13,7 @@ from pathlib import Path
 
 from scipy.special import ndtri
 
+from ...interface.rates import rate_unit
 from ..core.errors import InputError
 from ..core.messages import quoted, shown
 from ..core.table_text import cell, text_of
@@ -243,7 +244,9 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
             f"a steady motion looks so with a chance of {steady}"
         )
     elif row.rate_mm_day is not None and rate is not None and rate - beyond * evidence.rate_err >= row.rate_mm_day:
-        reason = f"rate {rate:.2f} mm/day, beyond {row.rate_mm_day:g} with an error chance of {chance}"
+        unit = rate_unit([row.rate_mm_day])
+        shown, limit = f"{unit.days * rate:.3g}", f"{unit.days * row.rate_mm_day:.3g}"
+        reason = f"rate {shown} {unit.name}, beyond {limit} with an error chance of {chance}"
     elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond and not evidence.at_rest:
         reason = (
             f"confirmed by {evidence.epochs_confirmed} comparisons, at least {row.epochs_confirmed}, "

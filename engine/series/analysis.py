@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import GridChangeParameters, ZoneParameters
+from ...interface.rates import rate_unit
 from ..change.result import Change
 from ..core.progress import Progress
 from ..grid.grid import Grid
@@ -161,9 +162,11 @@ def limits_of(analysis: Analysis, dates: tuple[date, ...], along: str | None = N
     steps, rates = detectable_rates(analysis.incremental, dates)
     low, high = min(rates), max(rates)
     apart = f"{min(steps)}" if min(steps) == max(steps) else f"{min(steps)} to {max(steps)}"
-    span = f"{low:.2g}" if f"{low:.2g}" == f"{high:.2g}" else f"{low:.2g} to {high:.2g}"
+    unit = rate_unit(rates)
+    first, last = f"{unit.days * low:.2g}", f"{unit.days * high:.2g}"
+    span = first if first == last else f"{first} to {last}"
     seen = (
-        f"Between two of these surveys, {apart} days apart, a cell must move by {span} mm/day to "
+        f"Between two of these surveys, {apart} days apart, a cell must move by {span} {unit.name} to "
         "be seen: this screens trends, it is no alarm."
     )
     if along is not None:

@@ -69,6 +69,7 @@ SERIES_FIELDS = field_kinds("""
 
 COVERAGE_FIELDS = (
     "epoch", "compared_share", "compared_m2", "only_first_m2", "only_this_m2", "too_few_points_m2", "cell_median_m",
+    "points_m2", "first_points_m2", "error_median_m", "vegetation_m2",
 )  # fmt: skip
 
 
@@ -131,13 +132,20 @@ def series_csv(frame: gpd.GeoDataFrame) -> str:
 def coverage_rows(changes: Iterable[Change], about: About) -> list[dict[str, Any]]:
     """Of each survey from the second on: how much ground was compared with the first survey, and why the rest was not.
 
-    Fields are ``COVERAGE_FIELDS``; areas are on the map.
+    Fields are ``COVERAGE_FIELDS``; areas are on the map. Ground points a m² are those of this survey and of the first
+    one on the ground compared; the error is the standard error of a cell's change. ``vegetation_m2`` is change that the
+    vegetation may have made.
     """
     rows = []
     for day, change in zip(about.dates[1:], changes, strict=True):
         found = ground_compared(change)
-        sizes = change.partition.sizes[change.valid]
-        values = (found.share, found.compared, found.only_first, found.only_second, found.too_few, np.median(sizes))
+        valid = change.valid
+        density = [float(count[valid].sum()) / max(found.compared, 1e-9) for count in change.points]
+        values = (
+            found.share, found.compared, found.only_first, found.only_second, found.too_few,
+            np.median(change.partition.sizes[valid]), density[1], density[0], np.median(change.error[valid]),
+            0.0 if change.plant_like is None else np.count_nonzero(change.plant_like) * change.grid.cell**2,
+        )  # fmt: skip
         rows.append({"epoch": day.isoformat()} | dict(zip(COVERAGE_FIELDS[1:], map(float, values), strict=True)))
     return rows
 

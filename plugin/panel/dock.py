@@ -26,6 +26,7 @@ from qgis.PyQt.QtWidgets import (
 
 from ..bridge.translated_style import translate_style
 from ..bridge.words import tr
+from .alerts import level_colours
 from .area_bar import AreaBar
 from .buttons import button
 from .report_task import ReportTask
@@ -178,9 +179,9 @@ class SlopeWatchPanel(QDockWidget):
     def refresh(self) -> None:
         """Read the zones of the layer again."""
         rows = zone_rows(self._layer) if self._layer is not None else []
-        self.zones.show_rows(rows)
-        self.reviews.refresh()
         folder = run_folder(self._layer.source()) if self._layer is not None else None
+        self.zones.show_rows(rows, level_colours(folder))
+        self.reviews.refresh()
         self.report_button.setEnabled(report_of(folder) is not None)
         self.write_button.setEnabled(folder is not None and self._task is None)
         for one in (self.zoom_button, self.flash_button, self.pick_button):

@@ -1,4 +1,4 @@
-"""The section and the time series of a zone, under two tabs."""
+"""The section of a zone, its time series and its alert level, under tabs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from qgis.core import QgsVectorLayer
 from qgis.PyQt.QtWidgets import QTabWidget
 
 from ..bridge.words import tr
+from .alerts import AlertView, history_of, level_colours
 from .charts import CourseChart, SectionChart
 from .courses import Course, course_of
 from .run_folder import run_folder
@@ -24,15 +25,16 @@ class ZoneCharts(QTabWidget):
 
     def __init__(self, parent: Any = None) -> None:
         super().__init__(parent)
-        self.section, self.course = SectionChart(), CourseChart()
+        self.section, self.course, self.alert = SectionChart(), CourseChart(), AlertView()
         self.addTab(self.section, tr("Section"))
         self.addTab(self.course, tr("Time series"))
+        self.addTab(self.alert, tr("Alert level"))
         self._shown: tuple[str, int] | None = None
         self.clear()
 
     def clear(self) -> None:
         self._shown = None
-        for chart in (self.section, self.course):
+        for chart in (self.section, self.course, self.alert):
             chart.say(tr("Choose a zone in the list or on the map."))
 
     def show_zone(self, layer: QgsVectorLayer, row: ZoneRow) -> None:
@@ -41,17 +43,24 @@ class ZoneCharts(QTabWidget):
             return
         self._shown = layer.id(), row.feature
         folder = run_folder(layer.source())
+        if row.alert is None:
+            self.alert.say(tr("Alert levels are those of a series."))
+        else:
+            self.alert.show_alert(row.alert, "", ())
         if folder is None:
             for chart in (self.section, self.course):
                 chart.say(tr("The layer does not lie in the output folder of a run, so that no section is known."))
             return
         try:
             section, course = section_of(folder, layer, row), course_of(folder, row.name)
+            history = history_of(folder, row.name)
         except (OSError, ValueError) as error:
             for chart in (self.section, self.course):
                 chart.say(str(error))
             return
         self._draw(section, course)
+        if row.alert is not None:
+            self.alert.show_alert(row.alert, level_colours(folder).get(row.alert.level, ""), history)
 
     def _draw(self, section: Section | None, course: Course | None) -> None:
         if section is None:

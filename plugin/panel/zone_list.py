@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from qgis.PyQt.QtCore import QItemSelectionModel, Qt, pyqtSignal
@@ -55,11 +57,11 @@ class ZoneList(QWidget):
         layout.addLayout(row)
         layout.addWidget(self.view)
 
-    def show_rows(self, rows: list[ZoneRow]) -> None:
-        """Show other zones, or the same ones with other entries; the selected ones stay so."""
+    def show_rows(self, rows: list[ZoneRow], colours: Mapping[int, str] = MappingProxyType({})) -> None:
+        """Show other zones, or the same ones with other entries; the selected ones stay so. ``colours`` of alerts."""
         current, selected = self.current(), {row.feature for row in self.selected()}
         first = not self.model.rows
-        self.model.set_rows(rows)
+        self.model.set_rows(rows, colours)
         words = state_words()
         self.summary.setText(", ".join(f"{number} {words[state]}" for state, number in counts(rows).items() if number))
         if first:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from qgis.PyQt.QtCore import QAbstractTableModel, QModelIndex, QSortFilterProxyModel, Qt
 from qgis.PyQt.QtGui import QColor
 
 from ...interface.reviews import CONFIRMED, REJECTED, UNREVIEWED
+from ...interface.rounding import significant_decimals
 from ..bridge.words import tr
 from .zone_rows import ZoneRow
 
 SORT_ROLE = Qt.ItemDataRole.UserRole
-STATE_COLUMN = 1
+STATE_COLUMN, GRADE_COLUMN = 1, 3
 _TOP = QModelIndex()
 _COLOURS = {CONFIRMED: QColor("#1b7837"), REJECTED: QColor("#8a8f98")}
 
@@ -29,10 +31,12 @@ class ZoneModel(QAbstractTableModel):
     def __init__(self, parent: Any = None) -> None:
         super().__init__(parent)
         self.rows: Sequence[ZoneRow] = ()
+        self.colours: Mapping[int, str] = {}
 
-    def set_rows(self, rows: Sequence[ZoneRow]) -> None:
+    def set_rows(self, rows: Sequence[ZoneRow], colours: Mapping[int, str] = MappingProxyType({})) -> None:
+        """Other rows; ``colours`` of alert levels."""
         self.beginResetModel()
-        self.rows = tuple(rows)
+        self.rows, self.colours = tuple(rows), colours
         self.endResetModel()
 
     def rowCount(self, parent: QModelIndex = _TOP) -> int:
@@ -57,26 +61,35 @@ class ZoneModel(QAbstractTableModel):
             return right.value if hasattr(right, "value") else int(right)  # a table takes the number only
         if role == Qt.ItemDataRole.ForegroundRole and index.column() == STATE_COLUMN:
             return _COLOURS.get(row.state)
+        if role == Qt.ItemDataRole.DecorationRole and index.column() == GRADE_COLUMN and row.alert is not None:
+            colour = self.colours.get(row.alert.level)
+            return None if colour is None else QColor(colour)
+        if role == Qt.ItemDataRole.ToolTipRole and index.column() == GRADE_COLUMN and row.alert is not None:
+            return f"{row.alert.words(tr)}. {row.alert.reason_words(tr)}".strip()
         if role == Qt.ItemDataRole.ToolTipRole:
             notes = [row.reviewer, row.remarks, row.photo]
             return "\n".join(note for note in notes if note) or None
         return None
 
     def _headings(self) -> list[str]:
+        grade = tr("Alert") if any(row.alert is not None for row in self.rows) else tr("Severity")
         return [
-            tr("Zone"), tr("Review"), tr("Kind"), tr("Severity"), tr("Mean (m)"), tr("Area (m²)"), tr("Date"),
+            tr("Zone"), tr("Review"), tr("Kind"), grade, tr("Mean (m)"), tr("Area (m²)"), tr("Date"),
         ]  # fmt: skip
 
     def _texts(self, row: ZoneRow) -> list[str]:
         change = "" if row.change is None else f"{row.change:+.3f}"
-        area = "" if row.area is None else f"{row.area:.1f}"
+        decimals = 1 if row.alert is None or row.area is None else significant_decimals(row.area)
+        area = "" if row.area is None else f"{row.area:.{decimals}f}"
         mark = " ✎" if row.remarks else ""
         mark += " ▣" if row.photo else ""
         state = state_words().get(row.state, row.state) + mark
-        return [row.name, state, row.kind, row.severity, change, area, row.date]
+        grade = row.severity if row.alert is None else row.alert.short(tr)
+        return [row.name, state, tr(row.kind), grade, change, area, row.date]
 
     def _values(self, row: ZoneRow) -> list[Any]:
-        return [row.name, row.state, row.kind, row.severity, row.change or 0.0, row.area or 0.0, row.date]
+        grade = row.severity if row.alert is None else str(row.alert.level)
+        return [row.name, row.state, row.kind, grade, row.change or 0.0, row.area or 0.0, row.date]
 
 
 class StateFilter(QSortFilterProxyModel):

@@ -8,17 +8,22 @@ from typing import Any
 
 from qgis.core import QgsFeature, QgsMapLayer, QgsProject, QgsVectorLayer
 
+from ...interface.alert_states import AlertState, alert_state
 from ...interface.reviews import PHOTO, REMARKS, REVIEWER, STATES, STATUS, UNREVIEWED
 
 # In layers of a change, of a series, and of a screening; the first that a layer has.
 _SEVERITIES = ("severity", "alert", "confidence")
 _CHANGES = ("dz_mean_m", "height_med_m")
+_ALERT = ("alert_level", "alert", "alert_state", "alert_since", "alert_reason", "action")
 _NEEDED = {"zone_id", "kind", "area_m2", STATUS}
 
 
 @dataclass(frozen=True)
 class ZoneRow:
-    """A zone; ``change`` is its mean change, or the height that a screening found, in metres; ``area`` in m²."""
+    """A zone; ``change`` is its mean change, or the height that a screening found, in metres; ``area`` in m².
+
+    ``alert`` is that of a zone of a series.
+    """
 
     feature: int
     name: str
@@ -31,6 +36,7 @@ class ZoneRow:
     reviewer: str
     remarks: str
     photo: str
+    alert: AlertState | None = None
 
 
 def is_zones_layer(layer: QgsMapLayer | None) -> bool:
@@ -79,12 +85,17 @@ def _row(feature: QgsFeature, names: set[str]) -> ZoneRow:
         reviewer=text(REVIEWER),
         remarks=text(REMARKS),
         photo=text(PHOTO),
+        alert=alert_state({name: _plain(feature[name]) for name in _ALERT if name in names}),
     )
 
 
 def _text(value: Any) -> str:
     # what is NULL in the table is a QVariant, or None from QGIS 4 on
     return value if isinstance(value, str) else ""
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (str, int, float)) else None
 
 
 def _number(value: Any) -> float | None:

@@ -9,6 +9,7 @@ import geopandas as gpd
 import pytest
 from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import DetailParameters, ReportParameters
+from slopewatch.interface.rounding import digits_of_error
 from slopewatch.tests.builders.handed_over import motion, pit
 from slopewatch.tests.builders.screened_folder import screened_folder
 from slopewatch.tests.builders.signed_folder import LEAST_FILLED, WIDEST_GAP, Pages
@@ -42,10 +43,9 @@ def test_motion_alone_has_its_verdict_its_zones_and_what_is_not_known(folders: d
     facts = json.loads((folders["displacement"] / "run.json").read_text(encoding="utf-8"))["displacement"]
     assert facts["zones"]
     for zone in facts["zones"]:
-        assert (
-            f"{zone['zone_id']} {zone['length_m']:.3f} ± {zone['length_err_m']:.3f} {zone['direction']}"
-            in pages.texts[0]
-        )
+        digits = digits_of_error(zone["length_err_m"])
+        length = f"{zone['length_m']:.{digits}f} ± {zone['length_err_m']:.{digits}f}"
+        assert f"{zone['zone_id']} {length} {zone['direction']}" in pages.texts[0]
     assert "along the surface: its relief is found again, shifted as a whole." in pages.texts[0]
     assert f"Smallest motion that shows {facts['smallest_median_m']:.3f} m" in pages.texts[0]
     for row in facts["refused"]:

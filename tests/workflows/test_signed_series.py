@@ -17,8 +17,13 @@ from slopewatch.engine.report.signed.parts import zone_table
 from slopewatch.engine.report.signed.sheets import _series_facts
 from slopewatch.engine.report.signed.source import read_source
 from slopewatch.interface.parameters import DetailParameters, ReportParameters
+from slopewatch.interface.rates import rate_unit
+from slopewatch.interface.rounding import digits_of_error
 from slopewatch.tests.builders.signed_folder import LEAST_FILLED, WIDEST_GAP, Pages
 from slopewatch.workflows.report import report_step
+
+MONTH = 365.25 / 12
+"""Days."""
 
 
 def shown(value: float, digits: int) -> str:
@@ -42,11 +47,13 @@ def test_each_zone_has_a_sheet_with_its_alert_velocity_and_course(runs, signed):
     for number, zone in enumerate(zones.to_dict("records"), 1):
         page = pages.texts[number]
         assert page.find(f"Zone {zone['zone_id']}: {zone['kind']}, {zone['alert']}") >= 0
-        assert f"Alert level {zone['alert_level']:.0f}, {zone['alert']}" in page
-        assert f"Velocity {shown(zone['rate_mm_day'], 2)} ± " in page
+        assert f"Alert level {zone['alert_level']:.0f} {zone['alert']}" in page
+        digits = digits_of_error(MONTH * zone["rate_err"])
+        assert f"Velocity {shown(MONTH * zone['rate_mm_day'], digits)} ± " in page
         assert f"Mean change {shown(zone['dz_mean_m'], 3)} m" in page
         last = [row for row in record["course"][zone["zone_id"]] if "dz_mean_m" in row][-1]
-        assert f"{last['epoch']} {last['days']} {shown(last['dz_mean_m'], 3)} ± " in page
+        digits = digits_of_error(last["dz_err_m"])
+        assert f"{last['epoch']} {last['days']} {shown(last['dz_mean_m'], digits)} ± " in page
 
 
 def test_pages_are_full_and_alert_levels_are_explained(signed):
@@ -67,9 +74,9 @@ def test_a_sliding_zone_shows_its_rate_along_the_surface_and_says_so(signed):
         "motion_rate_mm_day": 1.24, "motion_rate_err": 0.28, "motion_azimuth_deg": 40.0, "motion_off_dip_deg": 116.0,
         "geometry": Point(0, 0).buffer(1),
     }  # fmt: skip
-    facts = dict(_series_facts(row))
-    assert facts["Velocity along the surface"] == "1.24\u00a0±\u00a00.28\u00a0mm/day"
-    assert facts["Velocity of the heights"] == "\u22120.31\u00a0±\u00a00.04\u00a0mm/day"
+    facts = dict(_series_facts(row, rate_unit([1.24])))
+    assert facts["Velocity along the surface"] == "37.7\u00a0±\u00a08.5\u00a0mm/month"
+    assert facts["Velocity of the heights"] == "\u22129.4\u00a0±\u00a01.2\u00a0mm/month"
     assert "Velocity" not in facts
     zones = gpd.GeoDataFrame([row, {**row, "zone_id": "S010", "kind": "subsidence"}], crs=32651)
     folder, _ = signed
@@ -77,7 +84,7 @@ def test_a_sliding_zone_shows_its_rate_along_the_surface_and_says_so(signed):
     source = read_source(record, folder, PageWords())
     table = zone_table(source, zones)
     rates = [cells[-2] for cells in table["rows"]]
-    assert rates == ["1.24\u00a0±\u00a00.28", "\u22120.31\u00a0±\u00a00.04"]
+    assert rates == ["37.7\u00a0±\u00a08.5", "\u22129.4\u00a0±\u00a01.2"]
     assert table["caption"] == "The rate of a sliding zone is that along the surface."
     assert zone_table(source, zones.iloc[1:])["caption"] == ""
 

@@ -13,6 +13,7 @@ import pandas as pd
 from ...engine.vector.cell_polygons import field_kinds, table_column
 from ...engine.zones.fields import SLIDING
 from ...engine.zones.matching import match_zones
+from ...interface.alert_states import alert_state
 from .table_columns import column_of
 
 RAISED, ACKNOWLEDGED, CLOSED, WITHDRAWN = STATES = ("raised", "acknowledged", "closed", "withdrawn")
@@ -125,8 +126,8 @@ def _carry_on(row: dict[str, Any], zone: pd.Series | None, day: str) -> bool:
             why = f"No zone of the survey of {day} continues it."
         elif part:
             why = f"It is one body with {zone['body']} at the survey of {day}."
-        elif now < before and zone["alert_state"] == WITHDRAWN:
-            state, why = WITHDRAWN, f"Survey of {day}: {zone['alert_reason']}."
+        elif now < before and (level := alert_state(zone)) is not None and level.state == WITHDRAWN:
+            state, why = WITHDRAWN, f"Survey of {day}: {level.reason}."
         elif now == 0:
             why = f"The zone does not ask for attention any more at the survey of {day}."
         else:
@@ -144,8 +145,9 @@ def _joined(before: Any, sentence: str) -> str:
 
 
 def _reason(zone: Mapping[str, Any] | pd.Series) -> str:
-    if zone["source"] == "series":
-        return f"{zone['alert']}: {zone['alert_reason']}"
+    level = alert_state(zone) if zone["source"] == "series" else None
+    if level is not None:
+        return f"{level.name}: {level.reason}"
     words = f"{zone['severity']} severity" if zone["source"] == "change" else "high confidence of the screening"
     moved = zone.get("motion_m")
     if zone["kind"] == SLIDING and moved is not None and not pd.isna(moved):

@@ -26,7 +26,7 @@ FIELDS = field_kinds("""
     integer: attention
     text: kind movement severity
     integer: alert_level
-    text: alert alert_state alert_reason body status
+    text: alert alert_state alert_since alert_reason body status
     text: epoch_from epoch_to
     real: confidence dz_mean_m dz_p95_m area_m2 vol_net_m3 vol_err_m3 lod95_m rate_mm_day rate_err motion_m motion_err_m
     text: trend slope_review

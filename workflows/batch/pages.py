@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from ...engine.core.progress import Progress
 from ...engine.core.version import VERSION
 from ...engine.report.corridor import corridor_page, corridor_pictures
+from ...engine.report.corridor_alerts import levels_of_zones, withdrawn_of
 from ...engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from ...engine.report.signed.corridor_pictures import Span
 from .ranking import Ranked
@@ -49,7 +50,8 @@ def page_of(shown: Shown) -> str:
     facts = {"software": f"SlopeWatch {VERSION}", "manifest": shown.manifest, "count": shown.count}
     attention = _attentions(shown)
     pictures = corridor_pictures(shown.zones, _regions(shown), attention, _spans(shown, attention))
-    return corridor_page(shown.ranked, shown.failed, alerts, facts | {"zones": len(shown.zones)}, pictures)
+    facts |= {"zones": len(shown.zones), "levels": levels_of_zones(shown.zones), "withdrawn": withdrawn_of(shown.zones)}
+    return corridor_page(shown.ranked, shown.failed, alerts, facts, pictures)
 
 
 def write_pdf_of(shown: Shown, path: Path, details: Mapping[str, Any], started: str, progress: Progress) -> None:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ...zones.profile_lines import ProfileLine
+from ..figures_in_text import say
 from . import blocks, parts
 from .blocks import Block, Document
 from .explained import explained
-from .figures_in_text import say
 from .maps import slope_map
 from .motion_sheets import motion_details, motion_of
 from .rasters import Surface, surface_of
@@ -37,6 +37,8 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     picture = parts.screened_slope(source, layers, parts.map_size(source)) if source.is_screening else b""
     if motion is not None:
         picture = content_of(motion.map)
+    if source.is_series and surface is None:
+        picture = parts.whole_slope(source)
     picture = picture or slope_map(surface, replace(layers, lines=named), *parts.map_size(source))
     document.blocks.append(parts.first_page(document, source, picture))
     if not source.is_screening:
@@ -48,8 +50,9 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
         document.blocks += _along_lines(document, surface, lines, source.ends)
     if motion is not None:
         document.blocks += motion_details(document, motion)
-    document.blocks += surveyed(source.record, source.details)
-    document.blocks += parts.pictures(document, source)
+    above = [] if source.is_series and surface is None else parts.pictures(document, source)
+    measured = surveyed(source.record, source.details)
+    document.blocks += [*above, *measured] if source.is_series else [*measured, *above]
     document.blocks += parts.screened(document, source)
     document.blocks += explained(source.record, has_screened=bool(len(source.screened)))
     document.blocks += parts.limits(source.words)

@@ -10,13 +10,15 @@ from typing import Any
 import geopandas as gpd
 from shapely.geometry.base import BaseGeometry
 
+from ....interface.rates import RateUnit, rate_unit
 from ...core.progress import Progress
 from ...core.version import VERSION
+from ..corridor_alerts import withdrawn_of
+from ..figures_in_text import figure, say
 from . import blocks, parts
 from .blocks import Block, Cell, Column, Document
 from .corridor_pictures import Span, corridor_map, road_strip, strip_height
 from .details import FLIGHT, LABELS, Details, chainage_text, details_of
-from .figures_in_text import figure, say
 from .slope_sheets import alert_table, slope_label, slope_sheets
 from .write import save, say_missing
 
@@ -25,7 +27,7 @@ _NUMBERS = (
     "Attention",
     "Open alerts",
     "Zones",
-    "Fastest (mm/day)",
+    "Fastest",
     "Largest volume (m³)",
     "Largest height (m)",
     "Chainage",
@@ -92,7 +94,7 @@ def corridor_document(
         blocks.heading(say("All slopes, what asks for most attention first")),
         _slopes(corridor.done, sheets),
     ]
-    document.blocks += _alerts(corridor.alerts) + _failed(corridor.failed) + _meanings()
+    document.blocks += _alerts(corridor.alerts) + _withdrawn(corridor.zones) + _failed(corridor.failed) + _meanings()
     document.blocks += parts.closing(details)
     return document
 
@@ -210,10 +212,15 @@ def _meanings() -> list[Block]:
     return [blocks.heading(say("Thresholds explained")), blocks.terms(rows)]
 
 
+def _heading(words: str, unit: RateUnit) -> str:
+    return f"{say(words)} ({say(unit.name)})" if words == "Fastest" else say(words)
+
+
 def _slopes(done: Sequence[Any], linked: Collection[str]) -> Block:
+    unit = rate_unit(slope.rate_mm_day for slope in done)
     columns = [
         Column(say("Slope"), left=True, wide=True),
-        *(Column(say(words), width=_NUMBER_MM) for words in _NUMBERS),
+        *(Column(_heading(words, unit), width=_NUMBER_MM) for words in _NUMBERS),
         Column(say("Last survey")),
     ]
     rows: list[list[Cell]] = []
@@ -225,7 +232,7 @@ def _slopes(done: Sequence[Any], linked: Collection[str]) -> Block:
                 str(slope.attention),
                 str(slope.open_alerts),
                 str(slope.zones),
-                figure(values, "rate_mm_day", digits=2, sign=True),
+                figure(values, "rate_mm_day", digits=1, sign=True, scale=unit.days),
                 figure(values, "volume_m3", digits=2, sign=True),
                 figure(values, "largest_m", digits=2, sign=True),
                 "–" if slope.chainage is None else chainage_text(slope.chainage),
@@ -238,6 +245,16 @@ def _slopes(done: Sequence[Any], linked: Collection[str]) -> Block:
 
 def _alerts(alerts: gpd.GeoDataFrame) -> list[Block]:
     return [blocks.heading(say("Open alerts")), alert_table(alerts)] if len(alerts) else []
+
+
+def _withdrawn(zones: gpd.GeoDataFrame) -> list[Block]:
+    """The zones whose alert the last survey withdrew, with the words of their own reports."""
+    rows: list[list[Cell]] = [
+        [row["slope"], row["zone_id"].rpartition("/")[2], row["level"], row["reason"]] for row in withdrawn_of(zones)
+    ]
+    names = ("Slope", "Zone", "Level of the zone", "Reason")
+    columns = [Column(say(name), left=True, wide=name == names[-1]) for name in names]
+    return [blocks.heading(say("Withdrawn alerts")), blocks.table(columns, rows)] if rows else []
 
 
 def _failed(failed: Sequence[tuple[str, str]]) -> list[Block]:

@@ -1,4 +1,4 @@
-"""The course of one zone of a series: mean change and net volume against the first survey, with 95 % bands."""
+"""The course of one zone of a series: mean change and motion against the first survey, with 95 % bands."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ _BELOW_IN = 0.38
 _COLOUR = "#1f77b4"
 _CURVES = (
     ("dz_mean_m", "dz_err_m", "mean change (m)"),
-    ("vol_net_m3", "vol_err_m3", "net volume (m³)"),
     ("motion_m", "motion_err_m", "motion along the surface (m)"),
 )
 
@@ -31,7 +30,7 @@ def has_motion(course: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def course_drawing(course: Sequence[Mapping[str, Any]], first: str, height_mm: float) -> bytes:
-    """A chart as SVG: the change on the left, then the volume, and motion along the surface where it is known.
+    """A chart as SVG: the mean change, and next to it motion along the surface where it is known.
 
     Args:
         course: the surveys from the second on, as in the run record; what a survey did not measure is left out.
@@ -51,7 +50,7 @@ def course_drawing(course: Sequence[Mapping[str, Any]], first: str, height_mm: f
         axes.fill_between(days, middle - half, middle + half, color=_COLOUR, alpha=0.2, lw=0)
         axes.plot(days, middle, color=_COLOUR, lw=1.2, marker="o", ms=3)
         axes.axhline(0.0, color="#57606a", lw=0.6)
-        date_axis(axes.xaxis, max_ticks=5 if len(curves) < len(_CURVES) else 4)
+        date_axis(axes.xaxis, max_ticks=8 if len(curves) < len(_CURVES) else 5)
         finish(axes, "", words)
         axes.xaxis.get_offset_text().set_fontproperties(fonts(7.5))
     return as_svg(sheet)

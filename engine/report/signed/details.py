@@ -11,7 +11,7 @@ import pandas as pd
 
 from ....interface.parameters import DetailParameters
 from ...core.errors import InputError
-from .figures_in_text import say
+from ..figures_in_text import say
 
 LABELS = {s.name: s.label for s in DetailParameters.specifications()}
 FLIGHT = ("flight_dates", "uav", "sensor", "flying_height", "weather")

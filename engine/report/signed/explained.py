@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ....interface.rates import RateUnit, rate_unit
+from ....interface.rounding import significant_decimals
 from ...zones.confirmation import VERDICTS
 from ..compose import MEANINGS
+from ..figures_in_text import NOT_KNOWN, figure, percent, say, value_of
 from . import blocks
 from .blocks import Block, Cell, Column
-from .figures_in_text import NOT_KNOWN, figure, percent, say, value_of
 
 _CRITERIA = (
     ("epochs_confirmed", "Surveys in a row"),
-    ("rate_mm_day", "Velocity (mm/day)"),
+    ("rate_mm_day", "Velocity"),
     ("tangent_angle_deg", "Tangent angle (°)"),
     ("failure_within_days", "Failure within (days)"),
     ("single_volume_m3", "Volume of an event (m³)"),
@@ -134,13 +136,15 @@ def _screened(record: Mapping[str, Any], *, compared: bool) -> list[tuple[str, s
 
 def _alerts(table: list[dict[str, Any]]) -> list[Block]:
     columns = [Column(say("Level")), Column(say("Alert"), left=True, width=27.0)]
-    columns += [Column(say(words), width=16.0) for _, words in _CRITERIA]
+    unit = rate_unit(row.get("rate_mm_day") for row in table)
+    heads = [f"{say(words)} ({say(unit.name)})" if name == "rate_mm_day" else say(words) for name, words in _CRITERIA]
+    columns += [Column(head, width=16.0) for head in heads]
     columns.append(Column(say("Action"), left=True, wide=True))
     rows: list[list[Cell]] = [
         [
             figure(row, "level", digits=0),
             say(str(row.get("name", ""))),
-            *(figure(row, name, digits=_decimals(row, name)) for name, _ in _CRITERIA),
+            *(_criterion(row, name, unit) for name, _ in _CRITERIA),
             say(str(row.get("action", ""))),
         ]
         for row in table
@@ -153,6 +157,8 @@ def _alerts(table: list[dict[str, Any]]) -> list[Block]:
     return [blocks.paragraph(words, small=True), blocks.table(columns, rows, size=7.0)]
 
 
-def _decimals(row: Mapping[str, Any], name: str) -> int:
+def _criterion(row: Mapping[str, Any], name: str, unit: RateUnit) -> str:
     value = value_of(row, name)
-    return 0 if value is None or value == round(value) else 1
+    if name == "rate_mm_day":
+        return figure(row, name, digits=significant_decimals(unit.days * (value or 0.0)), scale=unit.days)
+    return figure(row, name, digits=0 if value is None or value == round(value) else 1)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..figures_in_text import figure, percent, say, value_of, with_error
 from ..motion import MotionFiles, MotionSection, motion_section
 from . import blocks
 from .blocks import Block, Cell, Column, Document
-from .figures_in_text import figure, percent, say, value_of, with_error
 from .sheets import content_of
 from .source import Source
 

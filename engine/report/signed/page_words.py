@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 
+_BREAK = "\v"
 _VOID = frozenset({"meta", "img", "br", "hr", "link", "input", "source", "wbr", "col"})
 
 
@@ -43,7 +44,7 @@ class _Reader(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag == "br":
-            self._text.append(" ")
+            self._text.append(_BREAK)
         if tag in _VOID:
             return
         self._open.append((tag, dict(attrs).get("class") or ""))
@@ -57,7 +58,8 @@ class _Reader(HTMLParser):
         if self._open and self._open[-1][0] == tag:
             wanted = self._wanted()
             if wanted:
-                self._take(wanted, " ".join("".join(self._text).split()))
+                lines = (" ".join(line.split()) for line in "".join(self._text).split(_BREAK))
+                self._take(wanted, ("\n" if wanted == "verdict" else " ").join(line for line in lines if line))
                 self._text = []
             if tag == "li" and self._within("ul", "cards"):
                 card = self._card

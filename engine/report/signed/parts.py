@@ -8,14 +8,17 @@ from typing import Any
 
 import geopandas as gpd
 
+from ....interface.alert_states import alert_state
+from ....interface.rates import RateUnit
 from ...zones.fields import SLIDING
 from ..embedding import Picture, photograph
+from ..figures_in_text import figure, say, significant, with_error, words_of
 from ..record_shape import inside
 from ..reviews import Review
+from ..series_words import unit_of_rates
 from . import blocks
 from .blocks import Block, Cell, Column, Document
 from .details import LABELS, Details, place_text
-from .figures_in_text import figure, say, with_error, words_of
 from .maps import MapLayers, slope_map
 from .motion_sheets import first_zones
 from .page_words import PageWords
@@ -28,8 +31,9 @@ _FIRST_PAGE_ROWS = 6
 _MOST_ROWS = 60
 _SIGNATURES_MM, _LINES_MM = 50.0, 30.0  # at least, of the fields for signatures, and of lines with their heading
 _MOST_DAYS = 6
-_ZONE_FIGURES = (("Mean change (m)", 15.0), ("Area (m²)", 13.5), ("Net volume (m³)", 23.0), ("Rate (mm/day)", 25.0))
-"""Columns of the table of zones, with their millimetres where the place on the road needs room."""
+_ZONE_FIGURES = (("Mean change (m)", 15.0), ("Area (m²)", 13.5), ("Net volume (m³)", 23.0))
+_RATE_MM = 25.0
+"""Columns of the table of zones, with their millimetres."""
 _PICTURE_MM = 100.0
 """With its heading less than half a page, so that a page which it has no room on is at least half full."""
 
@@ -45,7 +49,9 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
     details, words = source.details, source.words
     names = ("slope_name", "report_route", "client", "chainage_range", "author", "checker")
     rows = [(say(LABELS[name]), details[name]) for name in names]
+    system = source.record.get("reference_system")
     rows += [
+        *([(say("Reference system"), system_words(system))] if system else []),
         (say("Surveys"), _days(source.surveys)),
         (say("Made"), f"{str(source.record['started'])[:10]}, {source.record['software']}"),
     ]
@@ -75,6 +81,11 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
     return blocks.sheet(parts, gap=3.0)
 
 
+def system_words(system: Mapping[str, Any]) -> str:
+    """Name and number of a reference system."""
+    return f"{system['name']} (EPSG:{system['epsg']})" if system.get("epsg") else str(system["name"])
+
+
 def _days(surveys: Sequence[str]) -> str:
     if len(surveys) <= _MOST_DAYS:
         return ", ".join(surveys)
@@ -87,19 +98,22 @@ def title(sort: str, text: str) -> Block:
 
 def zone_table(source: Source, zones: gpd.GeoDataFrame, *, links: bool = True) -> Block:
     """The zones with their main figures; ids lead to the sheets."""
+    unit = unit_of_rates(source.record) if source.is_series else RateUnit("mm/day", 1.0)
     series, road = source.is_series, any(place_text(row) for row in zones.to_dict("records"))
     columns = [
         Column(say("Zone"), left=True),
         Column(say("Kind"), left=True),
         Column(say("Alert") if series else say("Severity"), left=True, wide=not road),
-        *(Column(say(words), width=width if road else 0.0) for words, width in _ZONE_FIGURES),
+        *(Column(say(words), width=width) for words, width in _ZONE_FIGURES),
+        Column(f"{say('Rate')} ({say(unit.name)})", width=_RATE_MM),
         *([Column(say("On the road"), left=True, wide=True)] if road else []),
         Column(say("Review"), left=True),
     ]
     rows: list[list[Cell]] = []
     for number, row in enumerate(zones.to_dict("records")):
         name, kind = words_of(row, "zone_id"), words_of(row, "kind")
-        grade = f"{figure(row, 'alert_level', digits=0)} {say(words_of(row, 'alert'))}" if series else ""
+        state = alert_state(row) if series else None
+        grade = "" if state is None else state.short(say)
         review = source.reviews.get(name)
         rows.append(
             [
@@ -107,9 +121,9 @@ def zone_table(source: Source, zones: gpd.GeoDataFrame, *, links: bool = True) -
                 blocks.marked(say(kind), kind),
                 grade or say(words_of(row, "severity")),
                 figure(row, "dz_mean_m", sign=True),
-                figure(row, "area_m2", digits=2),
+                significant(row, "area_m2") if series else figure(row, "area_m2", digits=2),
                 with_error(row, "vol_net_m3", "vol_err_m3"),
-                _rate(row, series=series),
+                _rate(row, unit, series=series),
                 *([place_text(row)] if road else []),
                 say(review.status) if review else "–",
             ]
@@ -118,11 +132,11 @@ def zone_table(source: Source, zones: gpd.GeoDataFrame, *, links: bool = True) -
     return blocks.table(columns, rows, say("The rate of a sliding zone is that along the surface.") if slides else "")
 
 
-def _rate(row: Mapping[str, Any], *, series: bool) -> str:
+def _rate(row: Mapping[str, Any], unit: RateUnit, *, series: bool) -> str:
     """Of ground that slid that along the surface, which of a pair of surveys stands in the same column."""
     if series and words_of(row, "kind") == SLIDING:
-        return with_error(row, "motion_rate_mm_day", "motion_rate_err", digits=2, sign=False)
-    return with_error(row, "rate_mm_day", "rate_err", digits=2 if series else 3)
+        return with_error(row, "motion_rate_mm_day", "motion_rate_err", digits=1, sign=False, scale=unit.days)
+    return with_error(row, "rate_mm_day", "rate_err", digits=1 if series else 3, scale=unit.days)
 
 
 def more_zones(source: Source) -> list[Block]:
@@ -244,16 +258,23 @@ def _photos(document: Document, reviews: Mapping[str, Review]) -> list[Block]:
 
 def pictures(document: Document, source: Source) -> list[Block]:
     """The picture that a run draws of the whole slope."""
-    name, words = (
-        "series.png",
-        "Map of the velocity of each cell, and the mean change of each zone from survey to survey",
-    )
-    if not source.is_series:
-        name, words = "heatmap.png", "The change, half-transparent over the later survey from above"
-    drawn = photograph(source.folder / name, say(words), 1000)
+    drawn = _whole_slope(source)
     if drawn is None:
         return []
     return [blocks.heading(say("The slope from above")), _as_wide_as_the_page(document, drawn)]
+
+
+def whole_slope(source: Source) -> bytes:
+    """The same picture alone; empty where there is none."""
+    drawn = _whole_slope(source)
+    return b"" if drawn is None else content_of(drawn)
+
+
+def _whole_slope(source: Source) -> Picture | None:
+    name, words = "series.png", "Map of the velocity of each cell, with the zones in the colours of their alert levels"
+    if not source.is_series:
+        name, words = "heatmap.png", "The change, half-transparent over the later survey from above"
+    return photograph(source.folder / name, say(words), 1000)
 
 
 def _as_wide_as_the_page(document: Document, drawn: Picture) -> Block:

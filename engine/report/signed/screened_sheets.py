@@ -21,13 +21,13 @@ from ...maps.picture_words import say as say_in_picture
 from ...maps.relief import hillshade
 from ...zones.profile_lines import steepest_lines
 from ..charts import finish
+from ..figures_in_text import figure, percent, say, words_of
 from ..maps import GAP, closed
 from ..record_shape import inside
 from ..reviews import Review
 from . import blocks
 from .blocks import Block, Document
 from .details import place_text
-from .figures_in_text import figure, percent, say, words_of
 from .screened_ground import ScreenedGround, screened_ground, surroundings
 from .source import Source
 

@@ -12,14 +12,17 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from ....interface.alert_states import alert_state
+from ....interface.rates import RateUnit
 from ...zones.fields import SLIDING
 from ..embedding import Picture
+from ..figures_in_text import figure, interval, percent, say, significant, value_of, with_error, words_of
 from ..reviews import Review
+from ..series_words import ZoneLevels, levels_of, unit_of_rates
 from . import blocks
 from .blocks import Block, Cell, Column, Document
 from .courses import course_drawing, has_motion
 from .details import place_text, text_width
-from .figures_in_text import figure, interval, percent, say, value_of, with_error, words_of
 from .maps import MapLayers, zone_map
 from .rasters import Surface
 from .sections import Section, section_drawing, zone_sections
@@ -28,6 +31,7 @@ MOST_SHEETS = 12
 _MAP_MM = 90.0, 108.0
 _SECTION_MM, _LOW_SECTION_MM, _COURSE_MM = 70.0, 40.0, 52.0
 _LAST_SURVEYS = 5
+_LAST_CHANGES = 4
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 _MAX_REMARKS = 700  # letters of a review on a sheet; the HTML report has all of it
 
@@ -107,7 +111,7 @@ def _facts(of: Zones, row: Mapping[str, Any]) -> list[tuple[str, str]]:
         (say("On the road"), place_text(row)),
     ]
     if "alert_level" in row:
-        return _series_facts(row) + common
+        return _series_facts(row, unit_of_rates(of.record)) + common
     rows = [
         (say("Mean change"), figure(row, "dz_mean_m", "m", sign=True)),
         (say("Change, 95th percentile"), figure(row, "dz_p95_m", "m", sign=True)),
@@ -127,27 +131,26 @@ def _facts(of: Zones, row: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows + _heights(of.surface, row["geometry"]) + common
 
 
-def _series_facts(row: Mapping[str, Any]) -> list[tuple[str, str]]:
-    reason = words_of(row, "alert_reason")
+def _series_facts(row: Mapping[str, Any], unit: RateUnit) -> list[tuple[str, str]]:
+    state = alert_state(row)
     of_heights = value_of(row, "motion_m") is not None  # the others are of the motion along the surface
     rows = [
-        (say("Alert level"), f"{figure(row, 'alert_level', digits=0)}, {say(words_of(row, 'alert'))}"),
-        *([(say("Level since"), words_of(row, "alert_since"))] if words_of(row, "alert_since") else []),
-        (say("Reason"), say(reason) if reason else "–"),
+        (say("Alert level"), "–" if state is None else state.words(say)),
+        (say("Reason"), (state.reason_words(say) if state else "") or "–"),
         (say("Action"), say(words_of(row, "action"))),
         (say("Trend"), say(words_of(row, "trend"))),
-        *(_along_the_surface(row) if of_heights else []),
+        *(_along_the_surface(row, unit) if of_heights else []),
         (
             say("Velocity of the heights" if of_heights else "Velocity"),
-            with_error(row, "rate_mm_day", "rate_err", "mm/day"),
+            with_error(row, "rate_mm_day", "rate_err", unit.name, 1, scale=unit.days),
         ),
         (
             say("Latest velocity of the heights" if of_heights else "Latest velocity"),
-            with_error(row, "rate_last", "rate_last_err", "mm/day"),
+            with_error(row, "rate_last", "rate_last_err", unit.name, 1, scale=unit.days),
         ),
         (say("Velocity class"), say(words_of(row, "velocity_class"))),
         (say("Mean change"), figure(row, "dz_mean_m", "m", sign=True)),
-        (say("Area"), figure(row, "area_m2", "m²", 2)),
+        (say("Area"), significant(row, "area_m2", "m²")),
         (say("Net volume"), with_error(row, "vol_net_m3", "vol_err_m3", "m³")),
         (say("Level of detection, median"), figure(row, "lod95_m", "m")),
         (say("Surveys in a row"), figure(row, "n_epochs_confirmed", digits=0)),
@@ -160,9 +163,9 @@ def _series_facts(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _along_the_surface(row: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _along_the_surface(row: Mapping[str, Any], unit: RateUnit) -> list[tuple[str, str]]:
     """How far and how fast a zone of a series moved along the surface, and where to."""
-    velocity = with_error(row, "motion_rate_mm_day", "motion_rate_err", "mm/day", sign=False)
+    velocity = with_error(row, "motion_rate_mm_day", "motion_rate_err", unit.name, 1, sign=False, scale=unit.days)
     towards = figure(row, "motion_azimuth_deg", "°", 0), figure(row, "motion_off_dip_deg", "°", 0, sign=True)
     return [
         (say("Velocity along the surface"), velocity),
@@ -197,12 +200,14 @@ def zone_history(
     course = (record.get("course") or {}).get(zone_id)
     if not course or not record.get("dates"):
         return []
+    unit = unit_of_rates(record)
     columns = [
         Column(say("Survey"), left=True),
         Column(say("Days")),
         Column(say("Change (m)")),
         Column(say("Net volume (m³)")),
-        Column(say("Rate since the survey before (mm/day)")),
+        Column(say("Rate since the survey before") + f" ({say(unit.name)})", width=27.0),
+        Column(say("Level")),
         Column(say("What was seen"), left=True, wide=True),
     ]
     rows: list[list[Cell]] = [
@@ -211,19 +216,34 @@ def zone_history(
             figure(survey, "days", digits=0),
             with_error(survey, "dz_mean_m", "dz_err_m", digits=3),
             with_error(survey, "vol_net_m3", "vol_err_m3"),
-            with_error(survey, "rate_mm_day", "rate_err"),
+            with_error(survey, "rate_mm_day", "rate_err", digits=1, scale=unit.days),
+            figure(survey, "alert_level", digits=0),
             events.get((zone_id, str(survey["epoch"])), ""),
         ]
         for survey in course[-_LAST_SURVEYS:]
     ]
-    words = say(f"Mean change and net volume of {zone_id} against the first survey, with 95 % bands.")
+    words = say(f"Mean change of {zone_id} against the first survey, with 95 % bands.")
     if has_motion(course):
-        words = say(
-            f"Mean change, net volume and motion along the surface of {zone_id} against the first survey, with 95 % "
-            "bands."
-        )
+        words = say(f"Mean change and motion along the surface of {zone_id} against the first survey, with 95 % bands.")
     chart = document.picture(course_drawing(course, str(record["dates"][0]), _COURSE_MM), words, caption=words)
-    return [(5.7, [chart]), (0, [blocks.table(columns, rows)])]
+    levels = next((one for one in levels_of(record, MOST_SHEETS) if one.zone_id == zone_id), None)
+    return [(5.7, [chart]), (0, [blocks.table(columns, rows)]), *_level_history(levels)]
+
+
+def _level_history(levels: ZoneLevels | None) -> list[tuple[float, list[Block]]]:
+    """The surveys that changed the alert level or its state, with the reason of each change."""
+    if levels is None or not levels.changes:
+        return []
+    columns = [Column(say("Survey"), left=True), Column(say("Level")), Column(say("State"), left=True)]
+    columns.append(Column(say("Reason"), left=True, wide=True))
+    rows: list[list[Cell]] = [
+        [change.day, str(change.level), say(change.state), say(change.reason)]
+        for change in levels.changes[-_LAST_CHANGES:]
+    ]
+    title = say("History of the alert level")
+    if len(levels.changes) > _LAST_CHANGES:
+        title = say(f"History of the alert level, the last {_LAST_CHANGES} of {len(levels.changes)} changes")
+    return [(0, [blocks.heading(title, 2), blocks.table(columns, rows)])]
 
 
 def _motion_of(vectors: NDArray[np.float64], zone: Any) -> str:

@@ -11,14 +11,15 @@ import geopandas as gpd
 
 from ....interface.input_files import RUN_TABLE
 from ....interface.language import current_language
+from ....interface.rates import rate_unit
 from ...core.errors import InputError
 from ...core.input_files import read_input
 from ...core.progress import Progress
 from ..compose import REPORT, read_record
+from ..figures_in_text import figure, percent, say, value_of
 from . import blocks, parts
 from .blocks import Block, Cell, Column, Document
 from .details import chainage_text
-from .figures_in_text import figure, percent, say, value_of
 from .maps import slope_map
 from .page_words import PageWords, page_words
 from .rasters import surface_of
@@ -156,7 +157,7 @@ def _rest(count: int) -> list[Block]:
 
 def _facts(source: Source, slope: Any) -> list[tuple[str, str]]:
     values = {name: getattr(slope, name) for name in ("rate_mm_day", "volume_m3", "largest_m")}
-    metrics = source.record["metrics"]
+    metrics, unit = source.record["metrics"], rate_unit([slope.rate_mm_day])
     surveys = list(source.surveys)
     days = ", ".join(surveys) if len(surveys) <= 4 else say(f"{len(surveys)} from {surveys[0]} to {surveys[-1]}")
     place = slope.location or ("" if slope.chainage is None else chainage_text(slope.chainage))
@@ -165,7 +166,7 @@ def _facts(source: Source, slope: Any) -> list[tuple[str, str]]:
         (say("First zone on the road"), place or "–"),
         (say("Zones"), str(slope.zones)),
         (say("Open alerts"), str(slope.open_alerts)),
-        (say("Fastest zone"), figure(values, "rate_mm_day", "mm/day", 2, sign=True)),
+        (say("Fastest zone"), figure(values, "rate_mm_day", unit.name, 1, sign=True, scale=unit.days)),
         (say("Largest volume"), figure(values, "volume_m3", "m³", 2, sign=True)),
         (say("Largest height"), figure(values, "largest_m", "m", 2, sign=True)),
     ]

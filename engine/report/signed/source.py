@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ...vector.geopackage import read_layer
 from ...zones.profile_lines import GIVEN, ProfileLine
+from ..figures_in_text import say
 from ..reviews import Review, zone_reviews
 from .details import Details, details_of
-from .figures_in_text import say
 from .maps import MapLayers
 from .page_words import PageWords
 

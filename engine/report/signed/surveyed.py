@@ -7,10 +7,10 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from ..compose import role_words
+from ..figures_in_text import figure, interval, percent, say, value_of, with_error
 from . import blocks
 from .blocks import Block, Cell, Column
 from .details import FLIGHT, LABELS, Details
-from .figures_in_text import figure, interval, percent, say, value_of, with_error
 
 _DIGITS = {"m²": 1, "m³": 2, "m": 4, "%": 1}
 
@@ -18,6 +18,8 @@ _DIGITS = {"m²": 1, "m³": 2, "m": 4, "%": 1}
 def surveyed(record: Mapping[str, Any], details: Details) -> list[Block]:
     """Flights, registration, areas and volumes, and the files with their checksums."""
     made = [blocks.heading(say("Surveys and flights")), _flights(record, details)]
+    if record.get("coverage") and record.get("dates"):
+        made += [blocks.heading(say("What each survey saw"), 2), _seen(record)]
     facts = _measured(record)
     if facts:
         made += [blocks.heading(say("How the surveys were compared"), 2), blocks.facts(facts)]
@@ -41,14 +43,33 @@ def _flights(record: Mapping[str, Any], details: Details) -> Block:
     return blocks.table(columns, rows)
 
 
+def _seen(record: Mapping[str, Any]) -> Block:
+    """Of each survey of a series: density, share compared, error, and the ground that was left out."""
+    columns = [Column(say("Survey"), left=True), Column(say("Ground points per m²")), Column(say("Compared"))]
+    columns += [Column(say("Error of a cell (m)")), Column(say("Only in the first survey (m²)"))]
+    columns += [Column(say("Only in this survey (m²)")), Column(say("Too few points (m²)"))]
+    columns.append(Column(say("Vegetation (m²)")))
+    left_out = ("only_first_m2", "only_this_m2", "too_few_points_m2", "vegetation_m2")
+    first = figure(record["coverage"][0], "first_points_m2", digits=0)
+    rows: list[list[Cell]] = [[str(record["dates"][0]), first, *["–"] * 6]]
+    rows += [
+        [
+            str(survey["epoch"]), figure(survey, "points_m2", digits=0), percent(survey, "compared_share"),
+            figure(survey, "error_median_m"), *(figure(survey, name, digits=0) for name in left_out),
+        ]
+        for survey in record["coverage"]
+    ]  # fmt: skip
+    words = say(
+        "All surveys are compared with the first one. The error is one standard error, the median of all cells. "
+        "Vegetation: change that it may have made, which counts in no zone."
+    )
+    return blocks.table(columns, rows, words)
+
+
 def _measured(record: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Registration, grid and reference system, as far as the record has them."""
+    """Registration and grid, as far as the record has them."""
     registration, metrics = record.get("registration") or {}, record["metrics"]
     rows: list[tuple[str, str]] = []
-    if record.get("reference_system"):
-        system = record["reference_system"]
-        number = f" (EPSG:{system['epsg']})" if system.get("epsg") else ""
-        rows.append((say("Reference system"), f"{system['name']}{number}"))
     if record.get("grid"):
         rows.append((say("Side of a cell"), figure(record["grid"], "cell_m", "m", 2)))
     if registration.get("registration_method"):

@@ -9,10 +9,10 @@ from typing import Any
 
 from ...core.progress import Progress
 from ...core.staged_outputs import atomic_output
+from ..figures_in_text import say
 from .blocks import Document
 from .content import report_document
 from .details import Details
-from .figures_in_text import say
 from .page_words import page_words
 from .source import given_lines, read_source
 from .typesetting import check_pdf, typeset

@@ -42,29 +42,22 @@ def test_courses_are_drawn_with_their_bands_on_the_days(drawn):
     }
     record = {"dates": DAYS, "zones": [{"zone_id": "S002"}, {"zone_id": "S001"}], "course": course}
     assert charts.course_chart(record) is not None
-    above, below = drawn["axes"]
+    (axes,) = drawn["axes"]
     at = date2num([date.fromisoformat(d) for d in DAYS])
-    expected = {
-        above: {"S002": ([0, 1, 2], [0, -0.1, -0.2], [0, 0.01, 0.02]), "S001": ([0, 2], [0, 0.05], [0, 0.01])},
-        below: {"S002": ([0, 1, 2], [0, -0.5, -1.2], [0, 0.05, 0.1]), "S001": ([0, 2], [0, 0.3], [0, 0.04])},
-    }
-    for axes, zones in expected.items():
-        lines = {line.get_label(): line for line in axes.get_lines()}
-        for band, (name, (days, middle, error)) in zip(axes.collections, zones.items(), strict=True):
-            np.testing.assert_allclose(lines[name].get_xdata(), at[days])
-            np.testing.assert_allclose(lines[name].get_ydata(), middle)
-            assert tuple(band.get_facecolor()[0][:3]) == pytest.approx(_rgb(lines[name]))
-            corners = band.get_paths()[0].vertices
-            for day, value, sigma in zip(at[days], middle, error, strict=True):
-                spread = corners[np.isclose(corners[:, 0], day), 1]
-                assert spread.min() == pytest.approx(value - 1.959964 * sigma)
-                assert spread.max() == pytest.approx(value + 1.959964 * sigma)
-        verticals = {float(line.get_xdata()[0]) for line in axes.get_lines() if len(set(line.get_xdata())) == 1}
-        assert verticals == set(at.tolist())
-    assert (
-        "S002 changed by -0.200 m, its volume by -1.20 m³; S001 changed by +0.050 m, its volume by +0.30 m³"
-        in drawn["text"]
-    )
+    zones = {"S002": ([0, 1, 2], [0, -0.1, -0.2], [0, 0.01, 0.02]), "S001": ([0, 2], [0, 0.05], [0, 0.01])}
+    lines = {line.get_label(): line for line in axes.get_lines()}
+    for band, (name, (days, middle, error)) in zip(axes.collections, zones.items(), strict=True):
+        np.testing.assert_allclose(lines[name].get_xdata(), at[days])
+        np.testing.assert_allclose(lines[name].get_ydata(), middle)
+        assert tuple(band.get_facecolor()[0][:3]) == pytest.approx(_rgb(lines[name]))
+        corners = band.get_paths()[0].vertices
+        for day, value, sigma in zip(at[days], middle, error, strict=True):
+            spread = corners[np.isclose(corners[:, 0], day), 1]
+            assert spread.min() == pytest.approx(value - 1.959964 * sigma)
+            assert spread.max() == pytest.approx(value + 1.959964 * sigma)
+    verticals = {float(line.get_xdata()[0]) for line in axes.get_lines() if len(set(line.get_xdata())) == 1}
+    assert verticals == set(at.tolist())
+    assert "S002 changed by -0.200 m; S001 changed by +0.050 m" in drawn["text"]
 
 
 def _rgb(line) -> tuple[float, ...]:

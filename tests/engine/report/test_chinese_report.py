@@ -31,7 +31,7 @@ def words(page: str) -> list[str]:
 def series_page(folder: Path) -> str:
     zone = {
         "zone_id": "S001", "kind": "subsidence", "alert": "inspect", "alert_level": 2, "trend": "steady",
-        "alert_reason": "rate 3.77 mm/day, beyond 1 with an error chance of 0.1 %",
+        "alert_reason": "rate 115 mm/month, beyond 30.4 with an error chance of 0.1 %",
         "action": "Inspect on site and survey more often",
         "rate_mm_day": -3.77,
     }  # fmt: skip
@@ -49,7 +49,7 @@ def test_a_zone_keeps_the_class_that_colours_it_and_has_chinese_words(tmp_path):
     page = series_page(tmp_path)
     assert '<span class="mark subsidence"></span>沉降' in page
     assert "现场检查" in words(page)
-    assert "速率3.77 mm/d，超出1，误判概率0.1 %。到现场检查并加密测量。" in page
+    assert "速率115 mm/月，超出30.4，误判概率0.1 %。到现场检查并加密测量。" in page
 
 
 def test_inputs_have_their_purpose_and_the_command_its_name(tmp_path):

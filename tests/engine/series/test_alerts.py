@@ -77,7 +77,7 @@ def test_broken_table_gets_a_sentence(tmp_path, lines, head, sentence):
         (Evidence(2, 1.9), 0, ""),  # the mean of both may be an error
         (Evidence(2, 5.0, at_rest=True), 0, ""),
         (Evidence(2, 5.0, 5.0, 0.6), 1, "confirmed"),  # 5 less 1.96 times 0.6 is below 4
-        (Evidence(2, 5.0, 5.0, 0.5), 2, "rate 5.00 mm/day, beyond 4 with an error chance of 2.5 %"),
+        (Evidence(2, 5.0, 5.0, 0.5), 2, "rate 152 mm/month, beyond 122 with an error chance of 2.5 %"),
         (Evidence(2, 5.0, -9.0), 1, "confirmed"),  # back to where it was
         (Evidence(3, 5.0, 1, tangent_angle_deg=80.0, steady_chance=0.01), 2, "tangent angle 80 degrees"),
         (Evidence(3, 5.0, 1, tangent_angle_deg=80.0, steady_chance=0.03), 1, "confirmed"),
@@ -86,7 +86,7 @@ def test_broken_table_gets_a_sentence(tmp_path, lines, head, sentence):
         (Evidence(2, 5.0, failure_in_days=(3, 60), steady_chance=0.03), 1, "confirmed"),
         (Evidence(1, volume_m3=70.0, volume_err=10.0), 2, "volume 70.0"),  # a large single event
         (Evidence(1, volume_m3=69.0, volume_err=10.0), 0, ""),
-        (Evidence(2, 5.0, 9.0, along_surface=True), 2, "along the surface: rate 9.00"),
+        (Evidence(2, 5.0, 9.0, along_surface=True), 2, "along the surface: rate 274 mm/month"),
     ],
 )
 def test_highest_level_whose_threshold_is_reached(tmp_path, known, level, reason):

@@ -95,7 +95,7 @@ def test_ground_whose_heights_show_nothing_is_a_zone_of_its_own():
     other = found[1]
     assert (other.track.zone_id, other.kind, other.found_by) == ("M001", "sliding", "motion")
     assert other.alert.level >= 2
-    assert other.alert_reason == "along the surface: rate 4.00 mm/day, beyond 1 with an error chance of 0.1 %"
+    assert other.alert_reason == "along the surface: rate 122 mm/month, beyond 30.4 with an error chance of 0.1 %"
     assert other.epochs_confirmed == 3
     assert abs(other.change[-1]) < 0.01  # its heights
     assert other.motion.course.velocity.rate == pytest.approx(0.004, rel=0.02)
@@ -121,7 +121,7 @@ def test_of_two_places_in_one_zone_the_larger_part_counts():
 def test_the_higher_alert_counts_and_says_by_what():
     _, (zone,) = joined(-0.006, ground(2, 2, 0.0005))
     assert not zone.motion.leads
-    assert zone.alert_reason.startswith("rate 6.00 mm/day")
+    assert zone.alert_reason.startswith("rate 183 mm/month")
     assert zone.leading.velocity is zone.velocity
     _, (faster,) = joined(-0.0005, ground(2, 2, 0.006))
     assert faster.motion.leads

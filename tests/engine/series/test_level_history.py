@@ -25,7 +25,7 @@ def test_a_level_is_reached_with_the_second_confirmation_and_says_by_what():
     found = level_history(zone(200, 200, 200), TABLE)
     assert found.levels == (0, 0, 3, 3)
     assert found.states == ("", "", "reached", "reached")
-    assert found.reasons[2] == "rate 6.67 mm/day, beyond 4.4 with an error chance of 0.1 %"
+    assert found.reasons[2] == "rate 203 mm/month, beyond 134 with an error chance of 0.1 %"
 
 
 def test_what_stopped_is_withdrawn_after_two_quiet_surveys():

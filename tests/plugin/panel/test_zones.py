@@ -43,9 +43,10 @@ def test_the_zones_of_a_run_are_listed(panel: SlopeWatchPanel, pair_run: Path) -
 
 def test_the_zones_of_a_series_have_their_alert(panel: SlopeWatchPanel, series_run: Path) -> None:
     panel.load_run(series_run)
-    expected = table(series_run / "series.gpkg", "zone_id, kind, alert, dz_mean_m")
+    expected = table(series_run / "series.gpkg", "zone_id, kind, alert, dz_mean_m, alert_level, alert_state")
     assert [(row[0], row[2], row[3], row[4]) for row in shown(panel)] == [
-        (name, kind, alert, f"{mean:+.3f}") for name, kind, alert, mean in expected
+        (name, kind, f"{level} {alert}" + (f", {state}" if state else ""), f"{mean:+.3f}")
+        for name, kind, alert, mean, level, state in expected
     ]
 
 

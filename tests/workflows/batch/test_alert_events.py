@@ -19,7 +19,8 @@ def zones(*rows: tuple[str, int, float], kind: str = "subsidence") -> gpd.GeoDat
     values: list[dict[str, Any]] = [
         {
             "zone_id": name, "slope": name.partition("/")[0], "source": "series", "attention": attention, "kind": kind,
-            "alert": "Warning", "alert_reason": "rate 2 mm/day", "location": "", "chain_from": 1.0,
+            "alert_level": attention, "alert": "Warning", "alert_reason": "rate 2 mm/day", "location": "",
+            "chain_from": 1.0,
         }
         for name, attention, _ in rows
     ]  # fmt: skip

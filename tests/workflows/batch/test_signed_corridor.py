@@ -50,7 +50,7 @@ def test_the_corridor_has_all_slopes_on_full_pages(tmp_path: Path, count: int) -
     details = {"pdf": True, "client": "Road Directorate", "report_route": "S320"}
     write_corridor_pdf(path, corridor(count), details, "2026-11-23T10:00:00", Progress())
     pages = Pages(path)
-    assert "Cut [7] #x 3 1 3 \u22124.62 \u221212.34 \u22120.61 12+340 2 2025-05-01" in pages.texts[0]
+    assert "Cut [7] #x 3 1 3 \u2212140.6 \u221212.34 \u22120.61 12+340 2 2025-05-01" in pages.texts[0]
     assert all(f"S{n:03d}" in pages.text for n in range(1, count))
     assert "No ROI." in pages.text
     assert "high severity" in pages.text

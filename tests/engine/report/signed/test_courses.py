@@ -18,5 +18,5 @@ def axes_of(drawn: bytes) -> int:
 def test_motion_has_axes_of_its_own_only_where_it_is_known() -> None:
     assert not has_motion(ROWS)
     assert has_motion([ROWS[0], MOVED[1]])
-    assert axes_of(course_drawing(ROWS, "2025-01-01", 52.0)) == 2
-    assert axes_of(course_drawing([ROWS[0], MOVED[1]], "2025-01-01", 52.0)) == 3
+    assert axes_of(course_drawing(ROWS, "2025-01-01", 52.0)) == 1
+    assert axes_of(course_drawing([ROWS[0], MOVED[1]], "2025-01-01", 52.0)) == 2

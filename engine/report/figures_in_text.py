@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ....interface.language import current_language, translator
-from ...core.number_text import digits_for_error
-from ..figures import number
+from ...interface.language import current_language, translator
+from ...interface.rounding import digits_of_error, significant_decimals
+from .figures import LEAST_ERROR, number
 
 NOT_KNOWN = "–"
 
@@ -43,16 +43,29 @@ def figure(
 
 
 def with_error(
-    row: Mapping[str, Any], name: str, error: str, unit: str = "", digits: int = 2, *, sign: bool = True
+    row: Mapping[str, Any],
+    name: str,
+    error: str,
+    unit: str = "",
+    digits: int = 2,
+    *,
+    sign: bool = True,
+    scale: float = 1.0,
 ) -> str:
-    """A number with its standard error; both have more decimals where the error would else be rounded to zero."""
+    """A number with its standard error, whose two significant digits say where both end; without an error ``digits``
+    decimals.
+    """
     uncertain = value_of(row, error)
-    if uncertain is None or value_of(row, name) is None:
-        return figure(row, name, unit, digits, sign=sign)
-    digits = digits_for_error(uncertain, digits)
-    if round(uncertain, digits) <= 0:
-        return figure(row, name, unit, digits, sign=sign)
-    return f"{figure(row, name, digits=digits, sign=sign)}\u00a0±\u00a0{figure(row, error, unit, digits)}"
+    if uncertain is None or uncertain * scale <= LEAST_ERROR or value_of(row, name) is None:
+        return figure(row, name, unit, digits, sign=sign, scale=scale)
+    digits = digits_of_error(uncertain * scale)
+    value = figure(row, name, digits=digits, sign=sign, scale=scale)
+    return f"{value}\u00a0±\u00a0{figure(row, error, unit, digits, scale=scale)}"
+
+
+def significant(row: Mapping[str, Any], name: str, unit: str = "") -> str:
+    """A number without an error: two significant digits, more only before the point."""
+    return figure(row, name, unit, significant_decimals(value_of(row, name) or 0.0))
 
 
 def interval(row: Mapping[str, Any], low: str, high: str, unit: str = "", digits: int = 2, *, sign: bool = True) -> str:
