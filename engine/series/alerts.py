@@ -76,13 +76,14 @@ class AlertLevel:
 class Evidence:
     """What is known of a zone after a survey.
 
-    ``change_sigmas``: standard errors by which the mean change of the comparisons in a row is beyond zero.
+    ``epochs_moved``: of ``epochs_confirmed`` those that show motion since the zone was last at rest; None: all.
+    ``change_sigmas``: standard errors by which their mean change is beyond zero, or beyond that at rest.
     ``rate_mm_day`` is its current velocity, positive away from the first survey, and ``rate_err`` the standard error;
     ``tangent_angle_deg`` and ``failure_in_days`` (the interval, from the last survey) are None where they cannot be
     computed, and ``steady_chance`` is the chance that a steady motion is surveyed like this.
     ``volume_m3`` is what it lost or gained since the survey before, further away from the first survey, and
     ``volume_err`` its standard error. ``along_surface``: all of it is of the motion along the surface, not of the
-    heights. ``at_rest``: it moved before and does not now.
+    heights. ``rest``: the first and the last survey of the rest after its motion, up to which it is judged.
     """
 
     epochs_confirmed: int
@@ -95,7 +96,8 @@ class Evidence:
     volume_m3: float = 0.0
     volume_err: float = 0.0
     along_surface: bool = False
-    at_rest: bool = False
+    epochs_moved: int | None = None
+    rest: tuple[int, int] | None = None
 
 
 def read_alerts(path: Path | None) -> tuple[AlertLevel, ...]:
@@ -244,9 +246,13 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
         )
     elif row.rate_mm_day is not None and rate is not None and rate - beyond * evidence.rate_err >= row.rate_mm_day:
         reason = f"rate {rate:.2f} mm/day, beyond {row.rate_mm_day:g} with an error chance of {chance}"
-    elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond and not evidence.at_rest:
+    elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond:
+        moved = evidence.epochs_confirmed if evidence.epochs_moved is None else evidence.epochs_moved
+        if moved < (row.epochs_confirmed or 1):
+            return ""
+        since = "" if evidence.rest is None else " since the zone was at rest"
         reason = (
-            f"confirmed by {evidence.epochs_confirmed} comparisons, at least {row.epochs_confirmed}, "
+            f"confirmed by {moved} comparisons{since}, at least {row.epochs_confirmed}, "
             f"with an error chance of {chance}"
         )
     return f"along the surface: {reason}" if reason and evidence.along_surface else reason

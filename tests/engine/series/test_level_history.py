@@ -63,6 +63,27 @@ def test_what_came_to_rest_does_not_flutter():
     assert again <= 2
 
 
+def test_an_error_after_rest_is_not_confirmed_by_the_old_change():
+    found = level_history(zone(200, 200, 0, 0, 20), TABLE)  # 20 mm are 4 standard errors in one survey
+    assert found.levels[-3:] == (3, 0, 0)
+    assert level_history(zone(200, 200, 0, 0, 20, 0), TABLE).levels[-2:] == (0, 1)
+    again = level_history(zone(200, 200, 0, 0, 20, 20), TABLE)
+    assert again.levels[-2:] == (0, 1)
+    assert again.reasons[-1].startswith("confirmed by 2 comparisons since the zone was at rest")
+
+
+def test_rest_is_judged_at_the_chance_of_the_level():
+    stopped = zone(200, 200, 200, 4, 5)  # 9 mm in two intervals are 2.1 standard errors: one series in 30 has them
+    assert level_history(stopped, TABLE).levels[-1] == 0
+    surer = tuple(replace(row, chance_percent=2.5) for row in TABLE)
+    assert level_history(stopped, surer).levels[-1] > 0
+
+
+def test_a_repair_alone_is_no_rest():
+    found = level_history(zone(100, 100, 100, 100, -150), TABLE)
+    assert found.states[-1] == "kept"
+
+
 def test_it_rises_again():
     assert level_history(zone(200, 200, 0, 0, 200, 200), TABLE).levels == (0, 0, 3, 3, 0, 3, 3)
 
