@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
@@ -30,12 +31,15 @@ _YEAR_DAYS = 365.25
 
 @dataclass(frozen=True)
 class Judged:
-    """A zone of a case with its ``history``, and the failure's interval (n, 2) after each survey, NaN where none is."""
+    """A zone of a case with its ``history``, the failure's interval (n, 2) after each survey, NaN where none is, and
+    what was ``known`` then.
+    """
 
     case: Case
     zone: Displacements
     history: LevelHistory
     interval: Float
+    known: dict[int, Evidence]
 
     @property
     def levels(self) -> Float:
@@ -93,7 +97,9 @@ METHODS: dict[str, tuple[str, Forecast | None]] = {
     "velocity": ("rate_mm_day", None),
     "tangent angle": ("tangent_angle_deg", None),
     "Fukuzono (exponent 2)": ("failure_within_days", partial(forecast, exponents=(2.0, 2.0))),
-    "Voight (exponent 1.5 to 2.5)": ("failure_within_days", forecast),
+    "Voight (exponent 1.5 to 2.5)": ("failure_within_days", None),
+    "Voight (exponent 1.7 to 2.2)": ("failure_within_days", partial(forecast, exponents=(1.7, 2.2))),
+    "Voight (exponent 1.2 to 3)": ("failure_within_days", partial(forecast, exponents=(1.2, 3.0))),
     "life expectancy": ("failure_within_days", confirmed_forecast),
 }
 
@@ -114,12 +120,15 @@ def rows() -> list[Row]:
 
 
 def _all_judged(table: tuple[AlertLevel, ...], sample: int) -> dict[str, list[Judged]]:
-    judged = {}
-    for kind in KINDS:
-        say(f"judging {kind}, sample {sample}")
-        own = cases((kind,), sample=sample)
-        judged[kind] = [judge(case, zone, table) for case in own for d in range(DRAWS) for zone in case.surveyed(d)]
-    return judged
+    with ProcessPoolExecutor() as pool:
+        return dict(zip(KINDS, pool.map(partial(_judged, table, sample), KINDS), strict=True))
+
+
+def _judged(table: tuple[AlertLevel, ...], sample: int, kind: str) -> list[Judged]:
+    own = cases((kind,), sample=sample)
+    found = [judge(case, zone, table) for case in own for draw in range(DRAWS) for zone in case.surveyed(draw)]
+    say(f"judged {kind}, sample {sample}")
+    return found
 
 
 def _beside(new: Sequence[Row], chosen: Sequence[Row]) -> list[Row]:
@@ -135,30 +144,43 @@ def _beside(new: Sequence[Row], chosen: Sequence[Row]) -> list[Row]:
 
 
 @dataclass(frozen=True)
-class _Forecast(Displacements):
-    """Displacements that keep what is known after each survey; ``by`` another forecast than that of the engine."""
+class _Known(Displacements):
+    """Displacements that keep what is known after each survey, in ``known``; ``by`` another forecast of the failure.
 
-    by: Forecast | None = None
+    What is known does not depend on the table as long as its levels have one chance of error and quiet surveys alike.
+    """
+
     known: dict[int, Evidence] = field(default_factory=dict)
+    by: Forecast | None = None
 
     def evidence(self, survey: int, quiet: int, beyond: float, rest: tuple[int, int] | None = None) -> Evidence:
-        found = super().evidence(survey, quiet, beyond, rest)
-        if self.by is not None:
-            steady = found.steady_chance > MAX_CHANCE
-            found = replace(found, failure_in_days=None if steady else self.by(self, survey))
-        self.known[survey] = found
-        return found
+        if survey not in self.known:
+            self.known[survey] = super().evidence(survey, quiet, beyond, rest)
+        found = self.known[survey]
+        if self.by is None:
+            return found
+        steady = found.steady_chance > MAX_CHANCE
+        return replace(found, failure_in_days=None if steady else self.by(self, survey))
 
 
-def judge(case: Case, zone: Displacements, table: tuple[AlertLevel, ...], *, by: Forecast | None = None) -> Judged:
-    """A zone with the levels after each survey; ``by`` another forecast than that of the engine."""
-    kept = _Forecast(**{f.name: getattr(zone, f.name) for f in fields(Displacements)}, by=by)
+def judge(
+    case: Case, zone: Displacements, table: tuple[AlertLevel, ...], *, by: Forecast | None = None,
+    known: dict[int, Evidence] | None = None,
+) -> Judged:  # fmt: skip
+    """A zone with the levels after each survey.
+
+    Args:
+        by: another forecast than that of the engine.
+        known: what is known after each survey, from an earlier judgement of the zone by another table.
+    """
+    values = {f.name: getattr(zone, f.name) for f in fields(Displacements)}
+    kept = _Known(**values, known={} if known is None else known, by=by)
     history = level_history(kept, table)
     left = np.full((len(zone.days), 2), np.nan)
-    for survey, evidence in kept.known.items():
-        if evidence.failure_in_days is not None:
-            left[survey] = evidence.failure_in_days
-    return Judged(case, zone, history, left + zone.days[:, None])
+    for survey in kept.known:
+        stated = kept.evidence(survey, 0, 0.0).failure_in_days
+        left[survey] = (np.nan, np.nan) if stated is None else stated
+    return Judged(case, zone, history, left + zone.days[:, None], kept.known)
 
 
 def _kind_row(kind: str, found: Sequence[Judged]) -> Row:
@@ -173,14 +195,9 @@ def _kind_row(kind: str, found: Sequence[Judged]) -> Row:
 
 
 def _target_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]], sample: int) -> list[Row]:
-    short = [
-        judge(case, zone, table)
-        for case in cases(_STEADY, sample=sample)
-        if len(case.days) <= _SHORT
-        for draw in range(SHORT_DRAWS if case.zones == 1 else SHORT_DRAWS // 10)
-        for zone in case.surveyed(draw)
-    ]
-    alarms = [bool(j.levels.max() >= 3) for j in short]
+    with ProcessPoolExecutor() as pool:
+        found = pool.map(partial(_short_alarms, table, sample), _STEADY)
+        alarms = [alarm for alarms in found for alarm in alarms]
     grass = [bool(j.levels.max() >= 1) for j in judged["still, seasonal grass"]]
     failing = [j for kind in _FAILING for j in judged[kind]]
     hits = [bool(j.levels[-1] >= 3) for j in failing]
@@ -202,6 +219,17 @@ def _target_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]],
     return result
 
 
+def _short_alarms(table: tuple[AlertLevel, ...], sample: int, kind: str) -> list[bool]:
+    """Whether zones of series of few surveys ever had level 3."""
+    return [
+        bool(judge(case, zone, table).levels.max() >= 3)
+        for case in cases((kind,), sample=sample)
+        if len(case.days) <= _SHORT
+        for draw in range(SHORT_DRAWS if case.zones == 1 else SHORT_DRAWS // 10)
+        for zone in case.surveyed(draw)
+    ]
+
+
 def _interval_row(failing: Sequence[Judged]) -> Row:
     stated = [(j, i) for j in failing for i in np.flatnonzero(np.isfinite(j.interval[:, 0]))]
     held = [bool(j.interval[i, 0] <= j.case.failure <= j.interval[i, 1]) for j, i in stated]
@@ -217,7 +245,7 @@ def _method_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]])
         say(f"judging by {name}")
         own, found = _only(table, column), {}
         for kind in (*_EPISODES, *_FAILING, *(k for k in KINDS if k.startswith("creep")), "fast, then stopped"):
-            found[kind] = [judge(j.case, j.zone, own, by=by) for j in judged[kind]]
+            found[kind] = [judge(j.case, j.zone, own, by=by, known=j.known) for j in judged[kind]]
         failing = [j for kind in _FAILING for j in found[kind]]
         steady = [bool(j.levels.max() >= 3) for kind in found if kind.startswith("creep") for j in found[kind]]
         episodes = [j for kind in _EPISODES for j in found[kind]]
@@ -226,7 +254,7 @@ def _method_rows(table: tuple[AlertLevel, ...], judged: dict[str, list[Judged]])
         most = [bool(j.levels[-1] >= 4) for j in failing]
         others = [bool(j.levels.max() < 4) for kind in found if kind not in _FAILING for j in found[kind]]
         right = [_is_right(j) for j in failing]
-        held = "" if by is None else f"; intervals hold {_interval_row(failing).value}"
+        held = "" if column != "failure_within_days" else f"; intervals hold {_interval_row(failing).value}"
         result.append(
             Row(
                 f"by {name}: judged right, failing and other series alike in weight",

@@ -250,9 +250,10 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
         moved = evidence.epochs_confirmed if evidence.epochs_moved is None else evidence.epochs_moved
         if moved < (row.epochs_confirmed or 1):
             return ""
-        since = "" if evidence.rest is None else " since the zone was at rest"
-        reason = (
-            f"confirmed by {moved} comparisons{since}, at least {row.epochs_confirmed}, "
-            f"with an error chance of {chance}"
-        )
+        reason = f"confirmed by {moved} comparisons, at least {row.epochs_confirmed}, with an error chance of {chance}"
+        if evidence.rest is not None:
+            reason = (
+                f"confirmed by {moved} comparisons since the zone was at rest, at least {row.epochs_confirmed}, "
+                f"with an error chance of {chance}"
+            )
     return f"along the surface: {reason}" if reason and evidence.along_surface else reason

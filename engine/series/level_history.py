@@ -117,6 +117,7 @@ def level_history(zone: Displacements, table: tuple[AlertLevel, ...]) -> LevelHi
     """
     levels, states, reasons, rest = [0], [""], [""], None
     lower: list[int] = []  # what the last surveys in a row reached, each less than the level that is held
+    why = ""  # the level that is held came about
     for survey in range(1, len(zone.days)):
         held = table[levels[-1]]
         if not np.isfinite(zone.change[survey]):
@@ -132,24 +133,25 @@ def level_history(zone: Displacements, table: tuple[AlertLevel, ...]) -> LevelHi
         state = "reached" if row.level else states[-1] and "withdrawn"
         if lower:
             at_rest = rest is not None and rest[1] == survey
-            row, state, reason = _after_less(held, lower, table, reasons[-1], at_rest=at_rest)
+            row, state, reason = _after_less(held, lower, table, why, at_rest=at_rest)
             lower = lower if state == "kept" else []
         elif not row.level:
             reason = reasons[-1]
         levels.append(row.level)
         states.append(state)
         reasons.append(reason)
+        why = why if state == "kept" else reason
     return LevelHistory(tuple(levels), tuple(states), tuple(reasons))
 
 
 def _after_less(
-    held: AlertLevel, lower: Sequence[int], table: tuple[AlertLevel, ...], before: str, *, at_rest: bool
+    held: AlertLevel, lower: Sequence[int], table: tuple[AlertLevel, ...], why: str, *, at_rest: bool
 ) -> tuple[AlertLevel, str, str]:
     """Level, state and reason where the last surveys in a row reached less than the level that is held."""
     if at_rest and lower[-1] == 0:
-        reason = f"level {held.level} withdrawn: no motion since {held.quiet_surveys} surveys or more"
+        reason = f"level {held.level} withdrawn: no motion seen for {held.quiet_surveys} surveys or more"
         return table[0], "withdrawn", reason
     if len(lower) < held.quiet_surveys:
-        return held, "kept", before
+        return held, "kept", f"kept after {len(lower)} of {held.quiet_surveys} surveys below the level; before: {why}"
     row = table[max(lower[-held.quiet_surveys :])]
     return row, "withdrawn", f"level {held.level} withdrawn: the last {held.quiet_surveys} surveys do not reach it"

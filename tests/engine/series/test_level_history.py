@@ -32,7 +32,15 @@ def test_what_stopped_is_withdrawn_after_two_quiet_surveys():
     found = level_history(zone(200, 200, 200, 0, 0, 0), TABLE)
     assert found.levels == (0, 0, 3, 3, 3, 0, 0)
     assert found.states[3:] == ("reached", "kept", "withdrawn", "withdrawn")
-    assert found.reasons[-1] == "level 3 withdrawn: no motion since 2 surveys or more"
+    assert found.reasons[4] == f"kept after 1 of 2 surveys below the level; before: {found.reasons[3]}"
+    assert found.reasons[-1] == "level 3 withdrawn: no motion seen for 2 surveys or more"
+
+
+def test_the_reason_of_a_kept_level_is_said_once():
+    slower = tuple(replace(row, quiet_surveys=3) for row in TABLE)
+    found = level_history(zone(200, 200, 200, 60, 60), slower)
+    assert found.states[-2:] == ("kept", "kept")
+    assert found.reasons[-1] == f"kept after 2 of 3 surveys below the level; before: {found.reasons[3]}"
 
 
 def test_what_was_repaired_is_withdrawn():
