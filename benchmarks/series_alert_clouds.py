@@ -35,6 +35,7 @@ _SPRING, _AUTUMN = 60, 300  # days of the year from which the grass grows, and u
 _LOWEST_M = 0.15
 _CUT_DAYS = 35  # that a meadow looks mown
 _REAL_DAYS_APART = 60
+_MAIN_LINES = 6  # of the forest's flight; the others cross it
 
 
 @dataclass(frozen=True)
@@ -172,10 +173,11 @@ def real_surveys() -> Iterator[tuple[str, str, list[Float]]]:
         las = laspy.read(path)
         xyz, line = np.array(las.xyz), np.asarray(las.point_source_id)
         lines, counts = np.unique(line, return_counts=True)
-        main = lines[np.argsort(counts)[-6:]]
-        parts = [xyz[np.isin(line, main[number::3])] for number in range(3)]
+        of_odd = np.isin(line, np.sort(lines[np.argsort(counts)[-_MAIN_LINES:]])[::2])
+        dealt = np.random.default_rng(33).permutation(len(xyz)) % 2
+        parts = [xyz[(of_odd == odd) & (dealt == half)] for half in (0, 1) for odd in (True, False)]
         parts.append(np.array(laspy.read(pair / "als_2020-09-19.laz").xyz))
-        yield "forest, pairs of flight lines and an airplane", "EPSG:6341", parts
+        yield "forest, halves of odd and of even flight lines, and an airplane", "EPSG:6341", parts
 
 
 def judge(name: str, epochs: Sequence[Epoch], roi: Path | None, folder: Path) -> Still:

@@ -88,7 +88,7 @@ def test_rest_is_judged_at_the_chance_of_the_level():
 
 
 def test_a_repair_alone_is_no_rest():
-    found = level_history(zone(100, 100, 100, 100, -150), TABLE)
+    found = level_history(zone(100, 100, -100), TABLE)  # 100, 200 and 100 mm are level on the whole
     assert found.states[-1] == "kept"
 
 
