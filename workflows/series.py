@@ -33,6 +33,7 @@ from .early_memory import refuse_grid_early
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .motion_memory import MotionMemory
+from .odd_surveys import comparisons_of, one_a_day, overlapping, say_days, say_odd_comparisons
 from .pair import SPOOL, stable_area
 from .products.classes import CLASS_OUTPUTS
 from .products.series import (
@@ -47,6 +48,7 @@ from .products.series import (
 )
 from .products.series_motion import SERIES_MOTION_OUTPUTS, motion_figures, write_motion
 from .run import Run
+from .series_continued import say_changed_figures, say_recomputed
 from .series_motion import SeriesMotion, measure_motion
 from .series_preparation import Task, held_whole, prepare_epochs
 from .settings import SeriesSettings, groups
@@ -110,23 +112,21 @@ def monitor_series(
     Raises:
         InputError: something given cannot be used; nothing is written then.
     """
-    settings, epochs = settings or SeriesSettings(), tuple(epochs)
+    settings, progress = settings or SeriesSettings(), progress or Progress()
     check_series(epochs)
+    epochs = one_a_day(epochs, None if overwrite else earlier_series(output_dir), progress)
     table = read_alerts(alerts)
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("alerts", alerts)]
     inputs += layers.inputs
     run = Run("series", groups(settings, *_RECORDED), inputs, progress)
-    dates = tuple(e.date for e in epochs if e.date is not None)
-    earlier = _earlier_series(run, output_dir, dates, overwrite=overwrite)
+    earlier = _earlier_series(run, output_dir, _dates(epochs), overwrite=overwrite)
     run.read_reviews(output_dir, ("series.gpkg",))
     program = None if settings.series.ground_ready else run.find_pdal(pdal)
-    every_hash = run.hash_inputs()
-    hashes, (roi_hash, stable_hash) = every_hash[: len(epochs)], every_hash[len(epochs) : len(epochs) + 2]
+    hashes, (roi_hash, stable_hash) = (every := run.hash_inputs())[: len(epochs)], every[len(epochs) : len(epochs) + 2]
+    epochs, hashes = _of_one_slope(run, epochs, hashes, settings, roi, earlier)
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
-    check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
-    for epoch in epochs[1:]:
-        require_comparable(epochs[0].path, epoch.path, settings.inputs)
+    say_days(dates := _dates(epochs), run.progress)
     related = (settings.road, settings.assets)
     run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
     refuse_grid_early([epochs[0].path], settings.inputs, held_whole(settings.change), roi)
@@ -135,11 +135,13 @@ def monitor_series(
         with run.step("surveys", 0.0, 0.6) as entry:
             gridded, grid, crs, choice = prepare_epochs(task, spool, run.progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
+            say_recomputed(gridded, earlier, run.progress)
         area = stable_area(stable, crs, run.progress)
         with run.step("change", 0.6, 0.7, "comparing"):
             analysis = analyse(
                 gridded, grid, (settings.change, settings.zones), table, spool, stable=area, progress=run.progress
             )
+        say_odd_comparisons(dates, comparisons_of(analysis.cumulative), run.progress)
         about = About(dates, crs, grid, _method(settings.change), run.run_id(hashes))
         motion = _motion(run, task, gridded, analysis.stack.days, area)
         if motion is not None:
@@ -159,12 +161,6 @@ def monitor_series(
     return run.result()
 
 
-def _remeasured(zones: list[dict[str, Any]], earlier: dict[str, Any] | None) -> list[str]:
-    """Names of the zones whose ground is not that of the earlier run."""
-    areas = {z.get("zone_id"): z.get("area_m2") for z in (earlier or {}).get("zones") or ()}
-    return [z["zone_id"] for z in zones if areas.get(z["zone_id"]) not in (None, z["area_m2"])]
-
-
 def _method(parameters: GridChangeParameters) -> str:
     """How the change was taken, for the zones' column ``method``."""
     return "series (cells that grow)" if parameters.grows else f"series ({parameters.cell_value} cells)"
@@ -173,11 +169,30 @@ def _method(parameters: GridChangeParameters) -> str:
 def _say(run: Run, earlier: dict[str, Any] | None) -> None:
     for sentence in run.facts["limits"]:
         run.progress.info(sentence)
-    if changed := _remeasured(run.facts["zones"], earlier):
-        run.progress.warning(
-            f"The area of {', '.join(changed)} is not that of the earlier run; the figures of all surveys are now of "
-            "the new area."
-        )
+    say_changed_figures(run.facts, earlier, run.progress)
+
+
+def _dates(epochs: Sequence[Epoch]) -> tuple[date, ...]:
+    return tuple(e.date for e in epochs if e.date is not None)
+
+
+def _of_one_slope(
+    run: Run,
+    epochs: tuple[Epoch, ...],
+    hashes: tuple[str, ...],
+    settings: SeriesSettings,
+    roi: Path | None,
+    earlier: dict[str, Any] | None,
+) -> tuple[tuple[Epoch, ...], tuple[str, ...]]:
+    """The surveys that can be compared, with their hashes; the others are no inputs of the run."""
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
+    for epoch in epochs[1:]:
+        require_comparable(epochs[0].path, epoch.path, settings.inputs)
+    offset = 0.0 if settings.registration.method == "none" else settings.registration.maximum_offset
+    kept = overlapping(epochs, settings.inputs, roi, offset, run.progress, earlier=earlier)
+    left = {f"epoch {e.name}" for e in epochs if e not in kept}
+    run.record.inputs = [i for i in run.record.inputs if i["role"] not in left]
+    return kept, tuple(h for e, h in zip(epochs, hashes, strict=True) if e in kept)
 
 
 def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrite: bool) -> dict[str, Any] | None:

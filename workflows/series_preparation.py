@@ -33,7 +33,7 @@ from ..engine.grid.kept_moments import KeptMoments
 from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.tiles.memory import shared_memory
-from ..engine.pointcloud.in_parts import SpooledCloud, bounds_of, spool
+from ..engine.pointcloud.in_parts import SpooledCloud, spool
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.series.comparisons import GriddedEpoch
@@ -302,7 +302,6 @@ def _registration(
     epoch, parameters = task.epochs[number], task.settings.registration
 
     def register(path: Path) -> dict[str, Any]:
-        _refuse_apart(task.epochs[0], first, epoch, cloud(), parameters.maximum_offset)
         try:
             result = register_pair(first, cloud(), parameters, task.stable, progress)
         except InputError as wrong:
@@ -311,22 +310,3 @@ def _registration(
         return result.figures() | {"warnings": list(result.warnings)}
 
     return store.entry("transform.json", _registration_key(task, number), register, progress)
-
-
-def _refuse_apart(first: Epoch, reference: Cloud, epoch: Epoch, moving: Cloud, offset: float) -> None:
-    a, b = (_bounds(cloud) for cloud in (reference, moving))
-    if max(a[0], b[0]) > min(a[2], b[2]) + offset or max(a[1], b[1]) > min(a[3], b[3]) + offset:
-        raise InputError(
-            f"The surveys of {first.name} and {epoch.name} do not overlap: {shown(first.path)} spans {_extent(a)}, "
-            f"{shown(epoch.path)} {_extent(b)}; check that both are of the same slope and in the same system."
-        )
-
-
-def _bounds(cloud: Cloud) -> tuple[float, float, float, float]:
-    """West, south, east, north."""
-    low, high = bounds_of(survey_of(cloud)[0])
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def _extent(bounds: tuple[float, float, float, float]) -> str:
-    return f"x {bounds[0]:.1f} to {bounds[2]:.1f}, y {bounds[1]:.1f} to {bounds[3]:.1f}"

@@ -10,11 +10,12 @@ _MIN_COMPARED_SHARE = 0.5  # share of the ground
 _MIN_REPORTED_AREA_M2 = 1.0  # m² of change that plants explain: less comes by chance where plants end
 
 
-def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: bool = True) -> None:
+def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: bool = True, of_pair: bool = True) -> None:
     """Warn of ground that was not compared and of a shift of the whole overlap.
 
     Args:
         may_grow: whether cells that grow can be asked for where this warning is read.
+        of_pair: whether the run compares this pair alone, and so says what the seasons of the two do.
     """
     compared = compared_share(change)
     if compared < _MIN_COMPARED_SHARE:
@@ -30,15 +31,8 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
         )
     for note in change.model.notes:
         progress.warning(note)
-    if change.season is not None and change.season.differs:
-        progress.warning(change.season.sentence)
-    explained = 0.0 if change.explained is None else float(change.explained.sum()) * change.grid.cell**2
-    if explained >= _MIN_REPORTED_AREA_M2:
-        progress.warning(
-            f"{explained:.1f} m² of change beyond the level of detection may be "
-            "that of the plants, which differ there by as much: it counts in no zone and no volume, and "
-            "plant_change.tif shows it; look at the place where it matters."
-        )
+    if of_pair:
+        _warn_of_season(change, progress)
     shift = change.uniform_dz
     if shift is not None and change.season is not None and change.season.explains(shift):
         progress.warning(
@@ -51,4 +45,16 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
             f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m: a datum or height "
             "bias (such as ellipsoidal against orthometric heights), not a deformation; no zones are drawn. Check the "
             "height systems, or register first."
+        )
+
+
+def _warn_of_season(change: Change, progress: Progress) -> None:
+    if change.season is not None and change.season.differs:
+        progress.warning(change.season.sentence)
+    explained = 0.0 if change.explained is None else float(change.explained.sum()) * change.grid.cell**2
+    if explained >= _MIN_REPORTED_AREA_M2:
+        progress.warning(
+            f"{explained:.1f} m² of change beyond the level of detection may be "
+            "that of the plants, which differ there by as much: it counts in no zone and no volume, and "
+            "plant_change.tif shows it; look at the place where it matters."
         )

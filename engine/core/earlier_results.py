@@ -11,13 +11,18 @@ from ...interface.input_files import RECORD
 from ...interface.parameters import AUTO, DetailParameters
 from .errors import InputError
 from .input_files import read_input
-from .json_shapes import anything, fields, parse_json, rows, table, text
+from .json_shapes import anything, fields, maybe, number, parse_json, rows, table, text
 from .json_values import plain
 from .run_record import RunRecord
 
+_NUMBERS = ("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3", "motion_m", "alert_level")
 _SERIES = fields(
     {"command": text(), "inputs": rows(fields({"role": text()}, {"sha256": text()}))},
-    {"parameters": table(table(anything))},
+    {
+        "parameters": table(table(anything)),
+        "zones": maybe(rows(fields({"zone_id": text()}, {"area_m2": maybe(number())}))),
+        "course": maybe(table(rows(fields({"epoch": text()}, dict.fromkeys(_NUMBERS, number()))))),
+    },
 )
 """What is read of an earlier run's record."""
 

@@ -137,8 +137,8 @@ def check_series(epochs: Sequence[Epoch]) -> None:
     """Refuse surveys that make no series.
 
     Raises:
-        InputError: fewer than two, a file that is missing, one without a date, dates equal or not in order, or a cloud
-            that is given twice (by content).
+        InputError: fewer than two, a file that is missing, one without a date, dates not in order, or a cloud that is
+            given twice (by content).
     """
     if len(epochs) < 2:
         raise InputError(
@@ -151,11 +151,6 @@ def check_series(epochs: Sequence[Epoch]) -> None:
         if epoch.date is None:
             raise InputError(f"{shown(epoch.path)} has no date; give one.")
     for before, after in pairwise(epochs):
-        if _day(before) == _day(after):
-            raise InputError(
-                f"{shown(before.path)} and {shown(after.path)} have the same date, {after.name}; give each survey its "
-                "own, or one of them only."
-            )
         if _day(before) > _day(after):
             raise InputError(
                 f"The surveys of {before.name} and {after.name} are in reversed order; give the earliest first."

@@ -30,7 +30,7 @@ _MAX_ZONES = 100
 _DAYS_PER_YEAR = 365.25
 _COURSE = (
     "epoch", "days", "dz_mean_m", "dz_err_m", "area_m2", "vol_net_m3", "vol_err_m3", "vol_measured", "days_before",
-    "rate_mm_day", "rate_err", "motion_m", "motion_err_m",
+    "rate_mm_day", "rate_err", "motion_m", "motion_err_m", "alert_level",
 )  # fmt: skip
 ROAD_WORDS = ("route", "side", "carriageway", "location", "location_note")
 """Fields with words of a zone's place on a road."""

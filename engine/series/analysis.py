@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +30,7 @@ from .motion.zones import MovingGround
 from .persistence import confirmed_cells
 from .tracking import Track, track_zones
 from .velocity import own_variances
+from .visits import detectable_rates
 from .zone_means import zone_grounds, zone_means
 from .zone_series import Stack, ZoneSeries, zone_series
 
@@ -158,8 +158,7 @@ def limits_of(analysis: Analysis, dates: tuple[date, ...], along: str | None = N
     Args:
         along: what motion along the surface needs to be seen, where it was measured.
     """
-    steps = [(b - a).days for a, b in pairwise(dates)]
-    rates = [1000 * c.median_level / days for c, days in zip(analysis.incremental, steps, strict=True)]
+    steps, rates = detectable_rates(analysis.incremental, dates)
     low, high = min(rates), max(rates)
     apart = f"{min(steps)}" if min(steps) == max(steps) else f"{min(steps)} to {max(steps)}"
     span = f"{low:.2g}" if f"{low:.2g}" == f"{high:.2g}" else f"{low:.2g} to {high:.2g}"

@@ -87,7 +87,7 @@ def compared(
             parameters = replace(parameters, direction=change.direction)
             cumulative.add(change)
             may_grow = isinstance(parameters, ChangeParameters) and not parameters.adaptive
-            warn_of_doubtful_change(change, shares[number], may_grow=may_grow)
+            warn_of_doubtful_change(change, shares[number], may_grow=may_grow, of_pair=False)
             del change
             if number == 1:
                 incremental.again(cumulative, 0)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..change.result import Change
+from ..change.season import explained_by_plants
 from ..core.arrays import Bool, Float
 from ..statistics.normal import Z95
 from .alerts import AlertLevel
@@ -24,19 +25,27 @@ def judged_zones(
 ) -> tuple[ZoneSeries, ...]:
     """The zones with their levels after each survey.
 
-    The heights of a survey do not count for a zone where vegetation explains the change in most of its cells
-    (``season.explained_by_plants``). Motion along the surface that is uphill beyond chance is a doubt and gives no
-    level.
+    The heights of a survey do not count for a zone, nor for its velocity, if vegetation explains the change in most of
+    its cells (``season.explained_by_plants``), or its mean change since the last survey that counts. Motion along the
+    surface that is uphill beyond chance is a doubt and gives no level.
 
     Args:
         days: (n,) days of the surveys since the first.
         changes: of the surveys from the second on against the first.
     """
-    by_plants = np.zeros((len(zones), len(days)), dtype=bool)
+    shape = len(zones), len(days)
+    plant_like, heights = np.zeros(shape, dtype=bool), np.full(shape, np.nan)
     for survey, change in enumerate(changes, 1):
         if change.plant_like is not None:
-            by_plants[:, survey] = [_is_plant_like(zone, change.dz, change.plant_like) for zone in zones]
-    return tuple(_judged(zone, days, plants, alerts) for zone, plants in zip(zones, by_plants, strict=True))
+            plant_like[:, survey] = [_is_plant_like(zone, change.dz, change.plant_like) for zone in zones]
+        if change.plants is not None and change.plants.height_from is not None and change.plants.height_to is not None:
+            if survey == 1:
+                heights[:, 0] = [_height(zone, change.plants.height_from) for zone in zones]
+            heights[:, survey] = [_height(zone, change.plants.height_to) for zone in zones]
+    return tuple(
+        _judged(zone, days, _by_plants(zone, *of_zone), alerts)
+        for zone, of_zone in zip(zones, zip(plant_like, heights, strict=True), strict=True)
+    )
 
 
 def _is_plant_like(zone: ZoneSeries, dz: Float, plant_like: Bool) -> bool:
@@ -44,7 +53,29 @@ def _is_plant_like(zone: ZoneSeries, dz: Float, plant_like: Bool) -> bool:
     return bool(known.any()) and float(np.mean(plant_like.ravel()[zone.cells][known])) > _MAX_PLANT_LIKE_SHARE
 
 
+def _height(zone: ZoneSeries, height: Float) -> float:
+    """Median height of the vegetation on a zone, metres; NaN if it is not known."""
+    values = height.ravel()[zone.cells]
+    return float(np.median(values[np.isfinite(values)])) if np.isfinite(values).any() else np.nan
+
+
+def _by_plants(zone: ZoneSeries, plant_like: Bool, heights: Float) -> Bool:
+    """Surveys (n,) whose mean change vegetation may explain, from its ``heights`` (n,) on the zone."""
+    found, before = plant_like.copy(), 0
+    for survey in range(1, len(found)):
+        if found[survey] or not np.isfinite(zone.change[survey]):
+            continue
+        dz = zone.change[survey] - zone.change[before]
+        level = Z95 * np.sqrt(zone.variance[survey] + zone.variance[before])
+        found[survey] = bool(explained_by_plants(dz, level, heights[before], heights[survey]))
+        before = before if found[survey] else survey
+    return found
+
+
 def _judged(zone: ZoneSeries, days: Float, plants: Bool, alerts: tuple[AlertLevel, ...]) -> ZoneSeries:
+    if plants.any():
+        course = Course.of(days, np.where(plants, np.nan, zone.change), zone.variance)
+        zone = replace(zone, velocity=course.velocity, angle=course.angle, failure=course.failure, by_plants=plants)
     history = level_history(_heights(zone, days, plants), alerts)
     leads = False
     if zone.motion is not None:

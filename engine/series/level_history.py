@@ -15,6 +15,7 @@ from .inverse_velocity import failure_time
 from .persistence import current_run, rest_since
 from .tangent_angle import tangent_angle
 from .velocity import current_velocity, zone_velocity
+from .visits import visits
 
 _MAX_CHANCE_OF_ANGLE = 0.25  # the largest that a table may ask for
 STATES = ("", "reached", "kept", "withdrawn")
@@ -51,11 +52,12 @@ class Displacements:
         before = int(np.flatnonzero(measured[:-1])[-1])  # the first survey measured it
         volume = max(sign * float(change[-1] - change[before]), 0.0) * float(self.area[survey])
         error = float(np.sqrt(variance[-1] + variance[before]) * self.area[survey])
+        days, change, variance = visits(days, change, variance)
         velocity, failure = current_velocity(days, change, variance), failure_time(days, change, variance)
         away = velocity is not None and velocity.slope * sign > 0
         left = None
         if away and failure.earliest is not None and failure.latest is not None:
-            left = failure.earliest - float(days[-1]), failure.latest - float(days[-1])
+            left = failure.earliest - float(self.days[survey]), failure.latest - float(self.days[survey])
         angle = None
         if away and failure.chance < _MAX_CHANCE_OF_ANGLE:
             in_motion = zone_velocity(days, change, variance)

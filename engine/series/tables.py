@@ -27,6 +27,7 @@ from ..vector.review_fields import UNREVIEWED
 from ..zones.fields import SLIDING
 from .motion.zones import MovingGround
 from .velocity_classes import velocity_class
+from .visits import MIN_VELOCITY_DAYS
 from .zone_series import ZoneSeries
 
 ZONE_FIELDS = field_kinds("""
@@ -346,7 +347,10 @@ def _known(ground: MovingGround, i: int) -> tuple[float | None, float | None]:
 
 
 def _step(zone: ZoneSeries, i: int, about: About) -> tuple[Any, Any, Any, Any, Any]:
-    """Days, change, its error, rate (mm/day) and its error since the survey that measured the zone before."""
+    """Days, change, its error, rate (mm/day) and its error since the survey that measured the zone before.
+
+    Surveys within ``MIN_VELOCITY_DAYS`` have no rate.
+    """
     earlier = np.flatnonzero(np.isfinite(zone.change[:i]))
     if not len(earlier) or not np.isfinite(zone.change[i]):
         return None, None, None, None, None
@@ -354,4 +358,6 @@ def _step(zone: ZoneSeries, i: int, about: About) -> tuple[Any, Any, Any, Any, A
     days = (about.dates[i] - about.dates[j]).days
     step = float(zone.change[i] - zone.change[j])
     error = float(np.sqrt(zone.variance[i] + zone.variance[j]))
+    if days < MIN_VELOCITY_DAYS:
+        return days, step, error, None, None
     return days, step, error, 1000 * step / days, 1000 * error / days

@@ -20,6 +20,7 @@ from .tangent_angle import LEVELS as TANGENT_LEVELS
 from .tangent_angle import TangentAngle, tangent_angle
 from .tracking import Track
 from .velocity import Velocity, zone_velocity
+from .visits import visits
 from .zone_means import ZoneMeans
 
 
@@ -52,7 +53,8 @@ class Course:
 
     @classmethod
     def of(cls, days: Float, change: Float, variance: Float) -> Course:
-        """From displacements (n,) and their own variances, as for ``zone_velocity``."""
+        """From displacements (n,) and their own variances, as for ``zone_velocity``; see ``visits``."""
+        days, change, variance = visits(days, change, variance)
         velocity = zone_velocity(days, change, variance)
         start = 0 if velocity is None or velocity.onset is None else velocity.onset[1]
         failure, angle = failure_time(days, change, variance), tangent_angle(days, change, variance, start)
@@ -86,7 +88,7 @@ class ZoneSeries:
     measured there; ``confirmed`` whether the survey confirms the zone. ``velocity``, ``angle`` and ``failure`` are of
     the heights; ``motion`` is that along the surface, where there is any, and ``found_by`` one of ``FOUND_BY``.
     ``history``: its alert level after each survey, None before it is judged; ``body``: the zone whose alert it shares
-    (see ``bodies``).
+    (see ``bodies``). ``by_plants`` (n,): surveys whose change here may be that of the vegetation; they do not count.
     """
 
     track: Track
@@ -101,6 +103,7 @@ class ZoneSeries:
     motion: SurfaceMotion | None = None
     history: LevelHistory | None = None
     body: str = ""
+    by_plants: NDArray[np.bool_] | None = None
 
     @property
     def kind(self) -> str:
@@ -153,8 +156,11 @@ class ZoneSeries:
 
     @property
     def last(self) -> int:
-        """Index of the last survey that measured it."""
-        return int(np.flatnonzero(np.isfinite(self.change))[-1]) if np.isfinite(self.change).any() else 0
+        """Index of the last survey that measured it; one that does not count is passed over if another is there."""
+        known = np.isfinite(self.change)
+        counted = known if self.by_plants is None else known & ~self.by_plants
+        counted = counted if counted[1:].any() else known
+        return int(np.flatnonzero(counted)[-1]) if counted.any() else 0
 
 
 def zone_series(

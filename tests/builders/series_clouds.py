@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 from pyproj import CRS
 from slopewatch.engine.epochs.epoch import Epoch
+from slopewatch.engine.pointcloud.plant_cover import ERROR, HEIGHT
 from slopewatch.interface.parameters import (
+    ChangeParameters,
+    DisplacementStepParameters,
     GridChangeParameters,
     RegistrationParameters,
     SeriesParameters,
@@ -77,21 +80,43 @@ def runs(simulated, tmp_path_factory):
 
 
 def plane(
-    path: Path, *, raised: float = 0.0, crs: int = 32651, x: float = 0.0, bump: float = 0.0, seed: int = 0
+    path: Path,
+    *,
+    raised: float = 0.0,
+    crs: int = 32651,
+    x: float = 0.0,
+    bump: float = 0.0,
+    seed: int = 0,
+    points: int = 12_000,
+    grass: float | None = None,
 ) -> Path:
-    """A slope of 10 by 10 m with 12,000 points; all of it raised, or a square of 3 m in it by ``bump``."""
+    """A slope of 10 by 10 m; all of it raised, or a square of 3 m in it by ``bump``.
+
+    Args:
+        grass: height (m) of the vegetation on the eastern 8 m, which lifts the ground found there by a quarter of it;
+            None: the cloud does not state its vegetation.
+    """
     rng = np.random.default_rng(seed)
-    u, v = rng.uniform(0, 10, (2, 12_000))
+    u, v = rng.uniform(0, 10, (2, points))
     square = (np.abs(u - 5) < 1.5) & (np.abs(v - 5) < 1.5)
-    z = 50 + 0.5 * v + rng.normal(0, 0.01, u.size) + raised + np.where(square, bump, 0)
+    height = np.where(u > 2, grass or 0.0, 0.0)
+    z = 50 + 0.5 * v + rng.normal(0, 0.01, u.size) + raised + np.where(square, bump, 0) + 0.25 * height
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, [500_000, 3_500_000, 0]
     header.add_crs(CRS.from_epsg(crs))
+    if grass is not None:
+        header.add_extra_dims([laspy.ExtraBytesParams(name, "f4") for name in (ERROR, HEIGHT)])
     las = laspy.LasData(header)
     las.x, las.y, las.z = 500_000 + x + u, 3_500_000 + v, z
     las.return_number = las.number_of_returns = np.ones(u.size, dtype=np.uint8)
+    if grass is not None:
+        las[ERROR], las[HEIGHT] = 0.1 * height, height
     las.write(path)
     return path
 
 
 FIXED = replace(READY, registration=RegistrationParameters(method="none"))
+
+
+GROWING = replace(FIXED, change=ChangeParameters(), displacement_step=DisplacementStepParameters(displacement=False))
+"""The same in cells that grow, without motion along the surface."""

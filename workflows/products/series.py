@@ -31,6 +31,7 @@ from ...engine.series.tables import (
     zone_frame,
 )
 from ...engine.series.velocity import CellVelocity
+from ...engine.series.visits import detectable_rates
 from ...engine.series.zone_series import FOUND_BY
 from ...engine.statistics.normal import Z95
 from ...engine.vector import geopackage
@@ -212,8 +213,7 @@ def series_figures(
     table: gpd.GeoDataFrame, cumulative: Sequence[Change], incremental: Sequence[Change], about: About
 ) -> dict[str, Any]:
     """The figures that a user reads first; lengths in metres, rates in millimetres a day."""
-    steps = [(b - a).days for a, b in zip(about.dates, about.dates[1:], strict=False)]
-    seen = [1000 * c.median_level / days for c, days in zip(incremental, steps, strict=True)]
+    _, seen = detectable_rates(incremental, about.dates)
     by_heights = table[table["found_by"] != FOUND_BY[1]]
     rates = by_heights["rate_mm_day"].abs()
     return {
