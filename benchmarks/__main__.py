@@ -43,6 +43,7 @@ NAMES = {
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
     "series_alerts": "Alert levels of series: false alarms and lead times",
+    "series_alert_clouds": "Alert levels of still slopes, with grass and without, as clouds",
     "series_motion": "Series whose ground moves along its surface",
     "demchange": "Change between elevation models, beside xDEM",
     "corridor": "A corridor of slopes",

@@ -23,6 +23,7 @@ STILL_ZONES = 10
 """Places of a still slope that are judged with the same surveys."""
 _NOISE_MISFIT = 0.15  # standard deviation of the logarithm of the true error over the stated one
 _MOST = 9
+_NUMBERS = 10_000  # more than the cases of a sample
 
 
 @dataclass(frozen=True)
@@ -84,14 +85,18 @@ class Case:
 Maker = Callable[[np.random.Generator, int], dict]
 
 
-def cases(kinds: tuple[str, ...] = (), each: int = 6) -> list[Case]:
-    """``each`` series of every kind, with 4 to 20 surveys."""
+CHOSEN, NEW = 3, 23
+"""Samples of series: those that rules and thresholds were chosen on, and those that nothing was chosen on."""
+
+
+def cases(kinds: tuple[str, ...] = (), each: int = 6, sample: int = CHOSEN) -> list[Case]:
+    """``each`` series of every kind, with 4 to 20 surveys, of one of the samples."""
     made = []
     for k, (kind, maker) in enumerate(KINDS.items()):
         if kinds and kind not in kinds:
             continue
         for i in range(each):
-            rng = np.random.default_rng([3, k, i])
+            rng = np.random.default_rng([sample, k, i])
             least = _LEAST.get(kind, 4)
             n = (least + 1, 6, 8, 10, 14, 20)[i % 6] if i % 6 else least
             values = maker(rng, max(n, least))
@@ -99,7 +104,7 @@ def cases(kinds: tuple[str, ...] = (), each: int = 6) -> list[Case]:
             stated = values.pop("stated", _stated(rng, count, along=values.get("along_surface", False)))
             values.setdefault("highest", np.zeros(count))
             values.setdefault("lowest", np.zeros(count))
-            made.append(Case(kind, 100 * k + i, stated=stated, **values))
+            made.append(Case(kind, _NUMBERS * (sample - CHOSEN) + 100 * k + i, stated=stated, **values))
     return made
 
 

@@ -286,7 +286,7 @@ def _series(f: Figures) -> list[str]:
         ),
         (
             f"The highest alert level is {number(f.get('highest_alert', 0))}; "
-            f"{number(f.get('alerted_zone_count', 0))} zones have one above 0."
+            f"zones with a level above 0: {number(f.get('alerted_zone_count', 0))}."
         ),
         sentence("Between two surveys a rate below {} stays unseen.", measured(f, "detectable_rate_mm_day", "mm/day")),
     ]

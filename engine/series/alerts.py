@@ -77,13 +77,14 @@ class AlertLevel:
 class Evidence:
     """What is known of a zone after a survey.
 
-    ``change_sigmas``: standard errors by which the mean change of the comparisons in a row is beyond zero.
+    ``epochs_moved``: of ``epochs_confirmed`` those that show motion since the zone was last at rest; None: all.
+    ``change_sigmas``: standard errors by which their mean change is beyond zero, or beyond that at rest.
     ``rate_mm_day`` is its current velocity, positive away from the first survey, and ``rate_err`` the standard error;
     ``tangent_angle_deg`` and ``failure_in_days`` (the interval, from the last survey) are None where they cannot be
     computed, and ``steady_chance`` is the chance that a steady motion is surveyed like this.
     ``volume_m3`` is what it lost or gained since the survey before, further away from the first survey, and
     ``volume_err`` its standard error. ``along_surface``: all of it is of the motion along the surface, not of the
-    heights. ``at_rest``: it moved before and does not now.
+    heights. ``rest``: the first and the last survey of the rest after its motion, up to which it is judged.
     """
 
     epochs_confirmed: int
@@ -96,7 +97,8 @@ class Evidence:
     volume_m3: float = 0.0
     volume_err: float = 0.0
     along_surface: bool = False
-    at_rest: bool = False
+    epochs_moved: int | None = None
+    rest: tuple[int, int] | None = None
 
 
 def read_alerts(path: Path | None) -> tuple[AlertLevel, ...]:
@@ -247,9 +249,14 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
         unit = rate_unit([row.rate_mm_day])
         shown, limit = f"{unit.days * rate:.3g}", f"{unit.days * row.rate_mm_day:.3g}"
         reason = f"rate {shown} {unit.name}, beyond {limit} with an error chance of {chance}"
-    elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond and not evidence.at_rest:
-        reason = (
-            f"confirmed by {evidence.epochs_confirmed} comparisons, at least {row.epochs_confirmed}, "
-            f"with an error chance of {chance}"
-        )
+    elif all(limit is None for limit in comparisons[1:]) and evidence.change_sigmas >= beyond:
+        moved = evidence.epochs_confirmed if evidence.epochs_moved is None else evidence.epochs_moved
+        if moved < (row.epochs_confirmed or 1):
+            return ""
+        reason = f"confirmed by {moved} comparisons, at least {row.epochs_confirmed}, with an error chance of {chance}"
+        if evidence.rest is not None:
+            reason = (
+                f"confirmed by {moved} comparisons since the zone was at rest, at least {row.epochs_confirmed}, "
+                f"with an error chance of {chance}"
+            )
     return f"along the surface: {reason}" if reason and evidence.along_surface else reason

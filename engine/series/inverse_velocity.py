@@ -11,7 +11,7 @@ from ..core.arrays import Float
 from .acceleration import MIN_SURVEYS, Acceleration, acceleration
 
 EXPONENTS = (1.5, 2.5)
-"""Range of the exponent alpha of Voight's law; 2 is Fukuzono's straight line of 1/v."""
+"""Range of the exponent alpha of Voight's law, our choice; 2 is Fukuzono's straight line of 1/v."""
 _EXPONENT_COUNT = 31
 MAX_CHANCE = 0.001
 """That a steady motion looks accelerating: with more no failure time is given."""
@@ -53,7 +53,7 @@ def failure_time(
         variance: (n,) each survey's own variance, m².
 
     Sources: Fukuzono 1985 (Proc. 4th Int. Conf. Field Workshop on Landslides, 145-150); Voight 1989
-    (doi:10.1126/science.243.4888.200); exponents: Intrieri et al. 2019 (doi:10.1016/j.earscirev.2019.03.019).
+    (doi:10.1126/science.243.4888.200).
     """
     found = acceleration(days, change, variance)
     if found.reason:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
+from ..statistics.normal import Z95
 from .alerts import AlertLevel, Evidence, alert_of
 from .inverse_velocity import failure_time
-from .persistence import current_run, is_at_rest
+from .persistence import current_run, rest_since
 from .tangent_angle import tangent_angle
 from .velocity import current_velocity, zone_velocity
 from .visits import visits
@@ -36,8 +37,13 @@ class Displacements:
     area: Float
     along_surface: bool = False
 
-    def evidence(self, survey: int, quiet: int) -> Evidence:
-        """What was known after a survey; ``quiet`` as for ``is_at_rest``."""
+    def evidence(self, survey: int, quiet: int, beyond: float, rest: tuple[int, int] | None = None) -> Evidence:
+        """What was known after a survey.
+
+        Args:
+            quiet, beyond: as for ``rest_since``.
+            rest: the first and the last survey of the latest rest before.
+        """
         until = slice(0, survey + 1)
         days, change, variance = self.days[until], self.change[until], self.variance[until]
         measured = np.isfinite(change)
@@ -54,12 +60,16 @@ class Displacements:
             left = failure.earliest - float(self.days[survey]), failure.latest - float(self.days[survey])
         angle = None
         if away and failure.chance < _MAX_CHANCE_OF_ANGLE:
-            since = zone_velocity(days, change, variance)
-            start = 0 if since is None or since.onset is None else since.onset[1]
+            in_motion = zone_velocity(days, change, variance)
+            start = 0 if in_motion is None or in_motion.onset is None else in_motion.onset[1]
             angle = tangent_angle(days, change, variance, start).degrees
+        still = rest_since(days, change, variance, quiet, beyond)
+        rest = rest if still is None else (still, survey)
+        moved, sigmas = self._moved(survey, run, sign, rest)
         return Evidence(
             epochs_confirmed=run,
-            change_sigmas=self._sigmas(survey, run),
+            epochs_moved=moved,
+            change_sigmas=sigmas,
             rate_mm_day=None if velocity is None else sign * 1000.0 * velocity.slope,
             rate_err=0.0 if velocity is None else 1000.0 * velocity.error,
             tangent_angle_deg=angle,
@@ -68,16 +78,27 @@ class Displacements:
             volume_m3=volume,
             volume_err=error,
             along_surface=self.along_surface,
-            at_rest=is_at_rest(days, change, variance, quiet),
+            rest=rest,
         )
 
-    def _sigmas(self, survey: int, run: int) -> float:
-        """Standard errors by which the mean change of the last ``run`` comparisons is beyond zero."""
-        known = np.flatnonzero(np.isfinite(self.change[1 : survey + 1]))[-run:] + 1
-        if not run or not len(known):
-            return 0.0
-        error = np.sqrt(self.variance[known].sum() / len(known) ** 2 + self.variance[0])
-        return float(abs(self.change[known].mean()) / error)
+    def _moved(self, survey: int, run: int, sign: float, rest: tuple[int, int] | None) -> tuple[int, float]:
+        """Of the last ``run`` comparisons in a row those that show motion beyond a rest, or beyond the first survey,
+        and the standard errors by which their mean is beyond it.
+        """
+        first, last = (0, 0) if rest is None else rest
+        still = np.flatnonzero(np.isfinite(self.change[: last + 1]))
+        still = still[still >= first]
+        weight = 1.0 / self.variance[still]
+        place, place_variance = float(np.average(self.change[still], weights=weight)), 1.0 / float(weight.sum())
+        known = np.flatnonzero(np.isfinite(self.change[: survey + 1]))
+        known = known[known > last]
+        way = sign * (self.change[known] - place)
+        beyond = way > Z95 * np.sqrt(self.variance[known] + place_variance)
+        moved = min(run, current_run(beyond.tolist(), [True] * len(known))) if rest else run
+        if not moved:
+            return 0, 0.0
+        error = np.sqrt(self.variance[known][-moved:].sum() / moved**2 + place_variance)
+        return moved, float(abs(way[-moved:].mean()) / error)
 
 
 @dataclass(frozen=True)
@@ -93,11 +114,12 @@ def level_history(zone: Displacements, table: tuple[AlertLevel, ...]) -> LevelHi
     """The level after each survey, as it was with the surveys until then.
 
     A level is reached at once. It falls where as many surveys in a row as the table says do not reach it, to the
-    highest that they reach; and to 0 where the zone is at rest (see ``is_at_rest``). A survey that did not measure
-    the zone changes nothing.
+    highest that they reach; and to 0 where the zone is at rest (see ``rest_since``). What was confirmed before the rest
+    raises no level again. A survey that did not measure the zone changes nothing.
     """
-    levels, states, reasons = [0], [""], [""]
+    levels, states, reasons, rest = [0], [""], [""], None
     lower: list[int] = []  # what the last surveys in a row reached, each less than the level that is held
+    why = ""  # the level that is held came about
     for survey in range(1, len(zone.days)):
         held = table[levels[-1]]
         if not np.isfinite(zone.change[survey]):
@@ -105,37 +127,33 @@ def level_history(zone: Displacements, table: tuple[AlertLevel, ...]) -> LevelHi
             states.append(states[-1])
             reasons.append(reasons[-1])
             continue
-        evidence = zone.evidence(survey, max(held.quiet_surveys, 1))
+        asked = table[max(held.level, 1)]
+        evidence = zone.evidence(survey, asked.quiet_surveys, asked.normal_quantile, rest)
+        rest = evidence.rest
         row, reason = alert_of(evidence, table)
-        if states[-1] == "withdrawn" and not held.level and not _moves(evidence, row):
-            row = held  # what came to rest needs new motion, not only the change of before
         lower = [] if row.level >= held.level else [*lower, row.level]
         state = "reached" if row.level else states[-1] and "withdrawn"
         if lower:
-            row, state, reason = _after_less(held, lower, evidence, table, reasons[-1])
+            at_rest = rest is not None and rest[1] == survey
+            row, state, reason = _after_less(held, lower, table, why, at_rest=at_rest)
             lower = lower if state == "kept" else []
         elif not row.level:
             reason = reasons[-1]
         levels.append(row.level)
         states.append(state)
         reasons.append(reason)
+        why = why if state == "kept" else reason
     return LevelHistory(tuple(levels), tuple(states), tuple(reasons))
 
 
-def _moves(evidence: Evidence, row: AlertLevel) -> bool:
-    """Whether there is motion now, by its velocity or by a volume since the survey before."""
-    rate = evidence.rate_mm_day or 0.0
-    return rate > row.normal_quantile * evidence.rate_err or evidence.volume_m3 > (row.single_volume_m3 or np.inf)
-
-
 def _after_less(
-    held: AlertLevel, lower: Sequence[int], evidence: Evidence, table: tuple[AlertLevel, ...], before: str
+    held: AlertLevel, lower: Sequence[int], table: tuple[AlertLevel, ...], why: str, *, at_rest: bool
 ) -> tuple[AlertLevel, str, str]:
     """Level, state and reason where the last surveys in a row reached less than the level that is held."""
-    if evidence.at_rest and lower[-1] == 0:
-        reason = f"level {held.level} withdrawn: no motion since {held.quiet_surveys} surveys or more"
+    if at_rest and lower[-1] == 0:
+        reason = f"level {held.level} withdrawn: no motion seen for {held.quiet_surveys} surveys or more"
         return table[0], "withdrawn", reason
     if len(lower) < held.quiet_surveys:
-        return held, "kept", before
+        return held, "kept", f"kept after {len(lower)} of {held.quiet_surveys} surveys below the level; before: {why}"
     row = table[max(lower[-held.quiet_surveys :])]
     return row, "withdrawn", f"level {held.level} withdrawn: the last {held.quiet_surveys} surveys do not reach it"

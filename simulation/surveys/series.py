@@ -184,6 +184,8 @@ def simulate_series(
     *,
     half_axes: tuple[float, float] = (2.0, 1.6),
     progress: Progress | None = None,
+    plants: Sequence[SurveyParameters] = (),
+    roi_buffer: float = 0.0,
 ) -> SimulatedSeries:
     """Surveys of one slope on ``dates``; its zones lie side by side and move by ``laws`` (negative: lowering).
 
@@ -194,16 +196,18 @@ def simulate_series(
 
     Args:
         half_axes: of each zone along and up the slope, metres; of zones that rise or sink.
+        plants: parameters of the plants in each survey; ``parameters`` in all where none are given.
+        roi_buffer: how far the region reaches beyond the cut face, metres.
 
     Raises:
         TooFarError: ground would move too far for its soft edge.
     """
     progress = progress or Progress()
-    seed = parameters.seed
-    slope = built_slope(parameters, Relief(), Frame(), 0.0, progress)
+    seed, plants = parameters.seed, plants or (parameters,) * len(dates)
+    slope = built_slope(parameters, Relief(), Frame(), roi_buffer, progress)
     scene = slope.scene
     motions = _motions(parameters, laws, half_axes)
-    first = Landscape(scene, slope.canopy, cover_of(parameters, scene, 0))
+    first = Landscape(scene, slope.canopy, cover_of(plants[0], scene, 0))
     area, pulses = survey_area(first, slope.plan, slope.roi, parameters)
     clouds, transforms, grounds, rested = [], [], [], scene
     for number, day in enumerate(dates):
@@ -219,7 +223,7 @@ def simulate_series(
                 if number
                 else RigidTransform.identity()
             )
-            landscape = Landscape(changed, slope.canopy, cover_of(parameters, scene, number))
+            landscape = Landscape(changed, slope.canopy, cover_of(plants[number], scene, number))
             cloud = survey(landscape, slope.plan, area, pulses, parameters.range_noise, (seed, 11 + number), stage)
             clouds.append(replace(cloud, xyz=transform.inverse().apply(cloud.xyz)))
             transforms.append(transform)

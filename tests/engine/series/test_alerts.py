@@ -75,7 +75,8 @@ def test_broken_table_gets_a_sentence(tmp_path, lines, head, sentence):
         (Evidence(1, 9.0, 50.0, tangent_angle_deg=89, failure_in_days=(1, 2), steady_chance=0), 0, ""),
         (Evidence(2, 2.0), 1, "confirmed by 2 comparisons, at least 2, with an error chance of 2.5 %"),
         (Evidence(2, 1.9), 0, ""),  # the mean of both may be an error
-        (Evidence(2, 5.0, at_rest=True), 0, ""),
+        (Evidence(7, 5.0, epochs_moved=1, rest=(2, 5)), 0, ""),  # all but one are of before the rest
+        (Evidence(9, 5.0, epochs_moved=2, rest=(2, 5)), 1, "confirmed by 2 comparisons since the zone was at rest"),
         (Evidence(2, 5.0, 5.0, 0.6), 1, "confirmed"),  # 5 less 1.96 times 0.6 is below 4
         (Evidence(2, 5.0, 5.0, 0.5), 2, "rate 152 mm/month, beyond 122 with an error chance of 2.5 %"),
         (Evidence(2, 5.0, -9.0), 1, "confirmed"),  # back to where it was

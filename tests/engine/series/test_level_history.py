@@ -32,7 +32,15 @@ def test_what_stopped_is_withdrawn_after_two_quiet_surveys():
     found = level_history(zone(200, 200, 200, 0, 0, 0), TABLE)
     assert found.levels == (0, 0, 3, 3, 3, 0, 0)
     assert found.states[3:] == ("reached", "kept", "withdrawn", "withdrawn")
-    assert found.reasons[-1] == "level 3 withdrawn: no motion since 2 surveys or more"
+    assert found.reasons[4] == f"kept after 1 of 2 surveys below the level; before: {found.reasons[3]}"
+    assert found.reasons[-1] == "level 3 withdrawn: no motion seen for 2 surveys or more"
+
+
+def test_the_reason_of_a_kept_level_is_said_once():
+    slower = tuple(replace(row, quiet_surveys=3) for row in TABLE)
+    found = level_history(zone(200, 200, 200, 60, 60), slower)
+    assert found.states[-2:] == ("kept", "kept")
+    assert found.reasons[-1] == f"kept after 2 of 3 surveys below the level; before: {found.reasons[3]}"
 
 
 def test_what_was_repaired_is_withdrawn():
@@ -61,6 +69,27 @@ def test_what_came_to_rest_does_not_flutter():
         levels = level_history(replace(still, change=still.change + errors - errors[0]), TABLE).levels
         again += max(levels[7:]) > 0
     assert again <= 2
+
+
+def test_an_error_after_rest_is_not_confirmed_by_the_old_change():
+    found = level_history(zone(200, 200, 0, 0, 20), TABLE)  # 20 mm are 4 standard errors in one survey
+    assert found.levels[-3:] == (3, 0, 0)
+    assert level_history(zone(200, 200, 0, 0, 20, 0), TABLE).levels[-2:] == (0, 1)
+    again = level_history(zone(200, 200, 0, 0, 20, 20), TABLE)
+    assert again.levels[-2:] == (0, 1)
+    assert again.reasons[-1].startswith("confirmed by 2 comparisons since the zone was at rest")
+
+
+def test_rest_is_judged_at_the_chance_of_the_level():
+    stopped = zone(200, 200, 200, 4, 5)  # 9 mm in two intervals are 2.1 standard errors: one series in 30 has them
+    assert level_history(stopped, TABLE).levels[-1] == 0
+    surer = tuple(replace(row, chance_percent=2.5) for row in TABLE)
+    assert level_history(stopped, surer).levels[-1] > 0
+
+
+def test_a_repair_alone_is_no_rest():
+    found = level_history(zone(100, 100, -100), TABLE)  # 100, 200 and 100 mm are level on the whole
+    assert found.states[-1] == "kept"
 
 
 def test_it_rises_again():

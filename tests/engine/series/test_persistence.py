@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.series.persistence import confirmed_cells, current_run, is_at_rest
+from slopewatch.engine.series.persistence import confirmed_cells, current_run, rest_since
 
 
 def test_runs_are_broken_by_a_denial_and_not_by_a_gap():
@@ -19,21 +19,22 @@ def test_a_run_of_the_past_does_not_count():
 
 
 @pytest.mark.parametrize(
-    ("steps_mm", "rests"),
+    ("steps_mm", "since"),
     [
-        ([100, 100, 0, 0], True),
-        ([100, 100, 0], False),  # one quiet interval only
-        ([100, 100, 100, 100], False),
-        ([100, 100, 20, 20], False),  # slower, but moving
-        ([3, 3, 3, 3], False),  # a creep that never shows between two surveys
-        ([0, 0, 0, 0], False),  # never moved
-        ([100, 0, np.nan, 0, 0], True),
+        ([100, 100, 0, 0], 2),
+        ([100, 100, 0], None),  # one quiet interval only
+        ([100, 100, 100, 100], None),
+        ([100, 100, 20, 20], None),  # slower, but moving
+        ([3, 3, 3, 3], None),  # a creep that never shows between two surveys
+        ([0, 0, 0, 0], None),  # never moved
+        ([100, 0, np.nan, 0, 0], 1),
+        ([100, 100, -100], None),  # filled up again: level on the whole, not at rest
     ],
 )
-def test_what_rests_moved_before_and_does_not_now(steps_mm, rests):
+def test_what_rests_moved_before_and_does_not_now(steps_mm, since):
     steps = np.array(steps_mm) / 1000
     change = np.concatenate([[0.0], np.where(np.isnan(steps), np.nan, np.nancumsum(steps))])
-    assert is_at_rest(30.0 * np.arange(len(change)), change, np.full(len(change), 0.004**2), 2) == rests
+    assert rest_since(30.0 * np.arange(len(change)), change, np.full(len(change), 0.004**2), 2) == since
 
 
 def test_cells_agree_with_a_plain_loop():

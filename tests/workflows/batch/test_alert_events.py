@@ -136,10 +136,10 @@ def test_how_much_a_zone_asks_for(source: str, zone: dict[str, Any], attention: 
 
 def test_a_level_that_the_series_withdrew_is_withdrawn_with_its_reason(raised: gpd.GeoDataFrame) -> None:
     quiet = zones(("A/1", 0, 0.0))
-    quiet[["alert_state", "alert_reason"]] = ["withdrawn", "level 2 withdrawn: no motion since 2 surveys or more"]
+    quiet[["alert_state", "alert_reason"]] = ["withdrawn", "level 2 withdrawn: no motion seen for 2 surveys or more"]
     later = follow_alerts(raised, quiet, {"A": SECOND})
     assert events(later) == {("A/1", 2, "withdrawn", FIRST, SECOND)}
-    assert later.loc[0, "state_reason"].endswith("level 2 withdrawn: no motion since 2 surveys or more.")
+    assert later.loc[0, "state_reason"].endswith("level 2 withdrawn: no motion seen for 2 surveys or more.")
     assert not len(open_of(later))
     again = follow_alerts(later, zones(("A/1", 2, 0.0)), {"A": THIRD})
     assert events(again) == {("A/1", 2, "withdrawn", FIRST, SECOND), ("A/1", 2, "raised", THIRD, "")}
