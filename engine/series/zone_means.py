@@ -1,4 +1,4 @@
-"""The ground of a zone, and its mean change and volume there in each survey; errors hold what was not measured."""
+"""Mean change and volume of each zone on its ground in each survey; errors hold what was not measured."""
 
 from __future__ import annotations
 
@@ -7,19 +7,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage
 
 from ..change.result import Change
-from ..core.arrays import Bool, Float, Index
+from ..core.arrays import Float, Index
 from ..zones.change_zones import cells_of
-from ..zones.footprints import Cells, Footprint, in_window, outline_footprints, plain_footprints
+from ..zones.footprints import Cells, in_window, plain_footprints
 from ..zones.volumes import CorrelationModel
-from .tracking import Track
 
 _MIN_MEASURED_SHARE = 0.1  # of a zone's area: with less a survey did not measure it
-_MIDDLE_SHARE = 0.25  # of a zone's measured cells, the innermost: their mean change is that of its middle
-_RINGS_A_CELL = 2
-_LEAST_SHARE = 0.1  # of the change in the middle: ground that moved by less is not the zone's
 _FLAT_DEVIATION = 3**-0.5  # standard deviation over mean of values that lie evenly between 0 and twice their mean
 
 
@@ -62,64 +57,6 @@ class _Mean:
     measured: float = 0.0
     lowered: float = 0.0
     raised: float = 0.0
-
-
-def zone_grounds(tracks: Sequence[Track], changes: Sequence[Change], gap: float) -> list[Index]:
-    """The cells (flat indices) of each zone's ground: its footprint as of a change between two surveys.
-
-    Of the surveys that saw the zone, that in which its volume is largest gives the footprint
-    (``footprints.outline_footprints``). The zone's cells in all other surveys belong to it as well.
-
-    Args:
-        changes: of the surveys from the second on against the first.
-        gap: metres, see ``outline_footprints``.
-    """
-    found, largest = [track.footprint for track in tracks], np.zeros(len(tracks))
-    seen = [{s.epoch for s in track.sightings} for track in tracks]
-    for survey, change in enumerate(changes, 1):
-        if not any(survey in epochs for epochs in seen):
-            continue
-        labels = np.zeros(change.grid.shape, dtype=np.int32)
-        for number, track in enumerate(tracks, 1):
-            labels.ravel()[track.footprint] = number
-        number_of = np.unique(labels[labels > 0])
-        cells, outlines = cells_of(change), labels.copy()
-        outlines[labels > 0] = np.searchsorted(number_of, labels[labels > 0]) + 1
-        footprints = outline_footprints(
-            cells, outlines, len(number_of), gap=gap, registration_error=change.registration_error
-        )
-        for number, footprint in zip((number_of - 1).tolist(), footprints, strict=True):
-            near = in_window(cells, footprint.window)
-            volume = abs(float(np.sum(footprint.weights * np.nan_to_num(near.dz))))
-            if survey in seen[number] and volume > largest[number]:
-                largest[number] = volume
-                row, column = np.nonzero(_moved(near, labels[footprint.window] == number + 1, footprint))
-                found[number] = (row + footprint.window[0].start) * change.grid.columns + column
-                found[number] += footprint.window[1].start
-    return found
-
-
-def _moved(cells: Cells, own: Bool, footprint: Footprint) -> Bool:
-    """The footprint without its rim of ground that hardly moved.
-
-    Ring by ring from the inside, up to the ring whose mean change is less than a share of that in the middle. Means of
-    whole rings decide, so that noise does not choose single cells.
-
-    Args:
-        cells, own: change in the footprint's window, and the cells (rows, columns) of the zone.
-    """
-    known = np.isfinite(cells.dz) & footprint.inside
-    depth = ndimage.distance_transform_edt(own) - ndimage.distance_transform_edt(~own)
-    ring = np.ceil(_RINGS_A_CELL * (depth.max() - depth)).astype(np.int64)
-    inside = np.where(known, ring, 0)
-    number = np.bincount(inside[known])
-    total = np.bincount(inside[known], cells.dz[known], minlength=len(number))
-    reached = np.cumsum(number)
-    middle = int(np.searchsorted(reached, _MIDDLE_SHARE * int(np.count_nonzero(own & known))))
-    least = _LEAST_SHARE * float(total[: middle + 1].sum()) / max(int(reached[middle]), 1)
-    weak = np.flatnonzero((np.sign(least) * total < abs(least) * number) & (np.arange(len(number)) > middle))
-    filled: Bool = footprint.inside & (ring < (int(weak[0]) if weak.size else len(number) + 1))
-    return filled
 
 
 def zone_means(
