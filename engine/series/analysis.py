@@ -31,7 +31,7 @@ from .motion.zones import MovingGround
 from .persistence import confirmed_cells
 from .tracking import Track, track_zones
 from .velocity import own_variances
-from .zone_grounds import zone_grounds
+from .zone_grounds import Ground, zone_grounds
 from .zone_means import zone_means
 from .zone_series import Stack, ZoneSeries, zone_series
 
@@ -124,7 +124,9 @@ def with_ground(
     placed = [(one, cells) for one in ground if len(cells := joined_cells(one.windows, layout, grid))]
     if not placed:
         return analysis
-    means = zone_means([c for _, c in placed], analysis.cumulative, analysis.correlations, parameters.bridged_gap)
+    means = zone_means(
+        [Ground(c) for _, c in placed], analysis.cumulative, analysis.correlations, parameters.bridged_gap
+    )
     measured = [(one, of_one) for (one, _), of_one in zip(placed, means, strict=True)]
     days = analysis.stack.days
     zones = joined_zones(analysis.zones, measured, layout, grid, days, alerts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -23,8 +24,52 @@ _LEAST = 1e-9  # points a node, where nothing was measured
 _Normal = tuple[sparse.csc_matrix, sparse.csc_matrix, sparse.csc_matrix, Float, Float]
 
 
-def joint_motion(sums: Sequence[Float], scales: Sequence[float], own: Bool, side: float) -> tuple[Float, int]:
-    """The motion at the corners of cells, in metres of a survey whose scale is 1.
+@dataclass(frozen=True)
+class JointMotion:
+    """The motion of a zone, and what each survey says of it.
+
+    Attributes:
+        motion: (m + 1, n + 1) at the corners of cells, metres of a survey whose scale is 1. The first corner is that of
+            the window; the last may lie beyond its end.
+        multiple: side of these cells in those of the window, a power of two.
+        variance: of a point about the surface, m².
+    """
+
+    motion: Float
+    multiple: int
+    variance: float
+    _model: _Model
+    _sums: Sequence[Float]
+    _scales: Sequence[float]
+    _steps: tuple[float, float]
+    _weights: tuple[Float, Float]
+
+    def of_surveys(self, inside: Bool) -> tuple[Float, Float]:
+        """Mean motion of the cells ``inside`` (rows, columns) against the first survey, m, and its variance by the
+        points alone, m²; (surveys,) each, 0 for the first.
+
+        What a survey's motion differs from the joint one is fitted to its own points and those of the first survey,
+        smooth like that. The variance is that of this fit, so that it grows where points are few.
+        """
+        rows, columns = (between(length, self.multiple) for length in self.motion.shape)
+        whole = np.zeros((len(rows), len(columns)))
+        whole[: inside.shape[0], : inside.shape[1]] = inside / inside.sum()
+        mean_of = (rows.T @ whole @ columns).ravel()
+        joint, nothing = self.motion.ravel(), np.zeros(self.motion.size)
+        means, variances = np.zeros((2, len(self._sums)))
+        for number, (own, scale) in enumerate(zip(self._sums[1:], self._scales[1:], strict=True), 1):
+            first, mixed, second, *right = self._model.normal([self._sums[0], own], [0.0, 1.0])
+            right = [side - scale * matrix @ joint for side, matrix in zip(right, (mixed, second), strict=True)]
+            factors = self._model.factors((first, mixed, second), *self._steps, self._weights)
+            apart = factors.solve(np.concatenate(right))[joint.size :]
+            means[number] = float(mean_of @ (scale * joint + apart))
+            answer = factors.solve(np.concatenate([nothing, mean_of]))[joint.size :]
+            variances[number] = self.variance * float(mean_of @ answer)
+        return means, variances
+
+
+def joint_motion(sums: Sequence[Float], scales: Sequence[float], own: Bool, side: float) -> JointMotion:
+    """The motion in a window around a zone.
 
     The surface of survey s is that of the first one plus ``scales[s]`` times the motion, each linear between corners.
     Both follow by least squares from the points of all surveys, where they lie, so that a change of the motion within a
@@ -36,24 +81,15 @@ def joint_motion(sums: Sequence[Float], scales: Sequence[float], own: Bool, side
         sums: of each survey, (10, rows, columns) as in ``Moments``, heights from one level.
         own: (rows, columns) cells of the zone.
         side: of a cell, m.
-
-    Returns:
-        (m + 1, n + 1) motion, and the side of its cells in those of ``sums``, a power of two. The first corner is that
-        of ``sums``; the last may lie beyond its end.
     """
     multiple = 1
     while max(own.shape) > _MAX_SIDE_CELLS * multiple:
         multiple *= 2
     coarse = [_coarser(np.asarray(one[:PLAIN_SUMS]), side, multiple) for one in sums]
-    side *= multiple
-    shape = coarse[0].shape[1:]
-    near = np.zeros((shape[0] + 1, shape[1] + 1), dtype=bool)
-    near[: -(-own.shape[0] // multiple), : -(-own.shape[1] // multiple)] = np.logical_or.reduceat(
-        np.logical_or.reduceat(own, np.arange(0, own.shape[0], multiple), axis=0),
-        np.arange(0, own.shape[1], multiple),
-        axis=1,
-    )
-    model = _Model.of(shape, side)
+    model = _Model.of(coarse[0].shape[1:], side * multiple)
+    near = np.zeros(model.shape, dtype=bool)
+    row, column = np.nonzero(own)
+    near[row // multiple, column // multiple] = True
     left_out = _folds(coarse)
     trained = [
         (model.normal([np.where(f == k, 0.0, s) for s, f in zip(coarse, left_out, strict=True)], scales), k)
@@ -66,16 +102,27 @@ def joint_motion(sums: Sequence[Float], scales: Sequence[float], own: Bool, side
             ground, moved = model.solved(normal, surface, motion)
             for one, fold, scale in zip(coarse, left_out, scales, strict=True):
                 squares += float(model.squares(np.where(fold == k, one, 0.0), ground + scale * moved).sum())
-        return squares
+        return squares / max(sum(float(one[N].sum()) for one in coarse), 1.0)
 
     start = float(_MOTION_STEPS[4])
-    surface = _lowest(_SURFACE_STEPS_M2, 2, lambda step: error(step, start))
-    motion = _lowest(_MOTION_STEPS, 4, lambda step: error(surface, step))
-    return model.broken(model.normal(coarse, scales), surface, motion, near.ravel()), multiple
+    surface, _ = _lowest(_SURFACE_STEPS_M2, 2, lambda step: error(step, start))
+    motion, variance = _lowest(_MOTION_STEPS, 4, lambda step: error(surface, step))
+    moved, weights = model.broken(model.normal(coarse, scales), surface, motion, near.ravel())
+    return JointMotion(moved, multiple, variance, model, coarse, scales, (surface, motion), weights)
 
 
-def _lowest(steps: Float, start: int, error: Callable[[float], float]) -> float:
-    """The step with the lowest error, downhill from ``start``."""
+def between(corners: int, parts: int) -> Float:
+    """Weights of the corners (parts, corners) at the middles of so many parts of each cell between them."""
+    place = (np.arange((corners - 1) * parts) + 0.5) / parts
+    before = place.astype(np.int64)
+    weights = np.zeros((len(place), corners))
+    weights[np.arange(len(place)), before] = 1.0 - (place - before)
+    weights[np.arange(len(place)), before + 1] = place - before
+    return weights
+
+
+def _lowest(steps: Float, start: int, error: Callable[[float], float]) -> tuple[float, float]:
+    """The step with the lowest error, downhill from ``start``, and that error."""
     known: dict[int, float] = {}
 
     def at(number: int) -> float:
@@ -86,7 +133,7 @@ def _lowest(steps: Float, start: int, error: Callable[[float], float]) -> float:
     here = start
     while min(at(here - 1), at(here + 1)) < at(here):
         here += 1 if at(here + 1) < at(here - 1) else -1
-    return float(steps[here])
+    return float(steps[here]), at(here)
 
 
 def _folds(sums: Sequence[Float]) -> list[Float]:
@@ -170,11 +217,15 @@ class _Model:
             right += np.array([[1.0], [scale]]) * height
         return blocks[0], blocks[1], blocks[2], right[0], right[1]
 
-    def solved(
-        self, normal: _Normal, surface: float, motion: float, weights: Sequence[Float] | None = None
-    ) -> tuple[Float, Float]:
-        """Heights and motion (nodes,) each; ``weights`` of the motion's first differences."""
-        first, mixed, second, *right = normal
+    def factors(
+        self,
+        matrices: tuple[sparse.csc_matrix, ...],
+        surface: float,
+        motion: float,
+        weights: Sequence[Float] | None = None,
+    ) -> Any:
+        """Of the equations with what makes surface and motion smooth; ``weights`` of the motion's first differences."""
+        first, mixed, second = matrices
         weights = weights or [np.ones(step.shape[0]) for step in self.steps]
         smooth = sum(
             (s.T @ sparse.diags(w) @ s for s, w in zip(self.steps, weights, strict=True)), start=0.0 * self.rough
@@ -182,23 +233,27 @@ class _Model:
         first = first + surface * self.rough + _LEAST * sparse.identity(self.nodes)
         whole = sparse.bmat([[first, mixed], [mixed, second + motion * smooth + self.rim]], format="csc")
         # symmetric and positive: no pivots are needed
-        factors = splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        found = factors.solve(np.concatenate(right))
+        return splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def solved(
+        self, normal: _Normal, surface: float, motion: float, weights: Sequence[Float] | None = None
+    ) -> tuple[Float, Float]:
+        """Heights and motion (nodes,) each; arguments as for ``factors``."""
+        found = self.factors(normal[:3], surface, motion, weights).solve(np.concatenate(normal[3:]))
         return found[: self.nodes], found[self.nodes :]
 
-    def broken(self, normal: _Normal, surface: float, motion: float, near: Bool) -> Float:
-        """The motion (m + 1, n + 1) that may break; differences at the nodes ``near`` give the scale of all."""
+    def broken(self, normal: _Normal, surface: float, motion: float, near: Bool) -> tuple[Float, tuple[Float, Float]]:
+        """The motion (m + 1, n + 1) that may break, and the weights of its differences; those at the nodes ``near``
+        give the scale of all.
+        """
+        weights = np.ones(self.steps[0].shape[0]), np.ones(self.steps[1].shape[0])
         _, moved = self.solved(normal, surface, motion)
-        scale = 0.0
-        for _ in range(_REWEIGHTINGS):
-            apart = self._apart(moved)
-            scale = scale or float(np.median(apart[near]))
-            if scale == 0.0:
-                break
-            each = 2.0 / (1.0 + (apart / scale) ** 2)
-            rows, columns = (each.reshape(self.shape)[part].ravel() for part in (np.s_[:-1], np.s_[:, :-1]))
-            _, moved = self.solved(normal, surface, motion, (rows, columns))
-        return moved.reshape(self.shape)
+        scale = float(np.median(self._apart(moved)[near]))
+        for _ in range(_REWEIGHTINGS if scale > 0 else 0):
+            each = 2.0 / (1.0 + (self._apart(moved).reshape(self.shape) / scale) ** 2)
+            weights = each[:-1].ravel(), each[:, :-1].ravel()
+            _, moved = self.solved(normal, surface, motion, weights)
+        return moved.reshape(self.shape), weights
 
     def _apart(self, moved: Float) -> Float:
         """By how much a node differs from the next ones, m (nodes,)."""

@@ -17,7 +17,7 @@ from ..grid.grid import Grid
 from ..grid.kept_moments import KeptMoments
 from ..zones.change_zones import cells_of
 from ..zones.footprints import Cells, Footprint, in_window, outline_footprints
-from .joint_motion import joint_motion
+from .joint_motion import between, joint_motion
 from .tracking import Track
 
 LEAST_SHARE = 0.1
@@ -32,9 +32,20 @@ Kept = Callable[[], CellStatistics | KeptMoments]
 
 
 @dataclass(frozen=True)
+class Ground:
+    """The ground of a zone: its ``cells`` (flat indices), and where the sums of the surveys' points are kept, its mean
+    ``change`` in height against the first survey (surveys,), m, with the ``variance`` by the points alone, m².
+    """
+
+    cells: Index
+    change: Float | None = None
+    variance: Float | None = None
+
+
+@dataclass(frozen=True)
 class _Found:
-    """A zone in the survey in which its volume is largest: where its footprint lies (``window``), which of it may be
-    ground (``footprint``), which of it are (``inside``), and by how much it moved there in each survey, metres.
+    """A zone in the survey in which its volume is largest: where its ``footprint`` lies (``window``), and the part of
+    it that moved by the means of whole rings (``inside``).
     """
 
     window: tuple[slice, ...]
@@ -48,8 +59,8 @@ def zone_grounds(
     gap: float,
     surveys: Sequence[Kept] = (),
     progress: Progress | None = None,
-) -> list[Index]:
-    """The cells (flat indices) of each zone's ground.
+) -> list[Ground]:
+    """Each zone's ground.
 
     Of the surveys that saw the zone, that in which its volume is largest gives the footprint
     (``footprints.outline_footprints``). Of this, the ground is what moved by at least ``LEAST_SHARE`` of the most.
@@ -86,7 +97,7 @@ def zone_grounds(
     loaded = (read() for read in surveys)
     kept = [one for one in loaded if isinstance(one, KeptMoments)]
     if len(kept) != len(changes) + 1:
-        return [_flat(one.window, one.inside, grid) for one in found]
+        return [Ground(_flat(one.window, one.inside, grid)) for one in found]
     grounds = []
     for number, one in enumerate(found):
         progress.update(1.0, f"outlining zone {number + 1} of {len(found)}")
@@ -146,11 +157,11 @@ def _moved(cells: Cells, own: Bool, footprint: Footprint) -> Bool:
     return filled
 
 
-def _sharp(found: _Found, track: Track, means: Float, kept: Sequence[KeptMoments], grid: Grid) -> Index:
+def _sharp(found: _Found, track: Track, means: Float, kept: Sequence[KeptMoments], grid: Grid) -> Ground:
     """The ground by the motion of all surveys; as found where nothing in the zone moved by it."""
     largest = means[np.argmax(np.abs(means))]
     if largest == 0.0:
-        return _flat(found.window, found.inside, grid)
+        return Ground(_flat(found.window, found.inside, grid))
     window, inner = _widened(found.window, found.footprint, grid)
     own, allowed = (np.zeros([s.stop - s.start for s in window], dtype=bool) for _ in range(2))
     row, column = np.divmod(track.footprint, grid.columns)
@@ -163,9 +174,11 @@ def _sharp(found: _Found, track: Track, means: Float, kept: Sequence[KeptMoments
     )
     allowed[of_window] = found.footprint[of_footprint]
     sums = [_sums(one, window, kept[0].level) for one in kept]
-    motion, multiple = joint_motion(sums, (means / largest).tolist(), own, grid.cell)
-    inside = outlined(track.sign * motion, multiple, own, allowed)
-    return _flat(window, inside if inside.any() else own, grid)
+    joint = joint_motion(sums, (means / largest).tolist(), own, grid.cell)
+    inside = outlined(np.sign(largest) * joint.motion, joint.multiple, own, allowed)
+    if not inside.any():
+        return Ground(_flat(found.window, found.inside, grid))
+    return Ground(_flat(window, inside, grid), *joint.of_surveys(inside))
 
 
 def outlined(motion: Float, multiple: int, own: Bool, allowed: Bool) -> Bool:
@@ -178,7 +191,7 @@ def outlined(motion: Float, multiple: int, own: Bool, allowed: Bool) -> Bool:
         own, allowed: (rows, columns) cells of the zone, and those that may be its ground.
     """
     samples = max(2, _SAMPLES_A_CELL // multiple)
-    rows, columns = (_between(length, samples * multiple) for length in motion.shape)
+    rows, columns = (between(length, samples * multiple) for length in motion.shape)
     fine = (rows @ motion @ columns.T)[: own.shape[0] * samples, : own.shape[1] * samples]
     wide = np.ones((samples, samples), dtype=bool)
     most = float(np.max(fine, where=np.kron(own, wide), initial=0.0))
@@ -192,16 +205,6 @@ def outlined(motion: Float, multiple: int, own: Bool, allowed: Bool) -> Bool:
     inside = np.zeros(own.size, dtype=bool)
     inside[order[: round(float(share.sum()))]] = True
     return inside.reshape(own.shape)
-
-
-def _between(corners: int, parts: int) -> Float:
-    """Weights of the corners at the middles of so many parts of the cells between them."""
-    place = (np.arange((corners - 1) * parts) + 0.5) / parts
-    before = place.astype(np.int64)
-    weights = np.zeros((len(place), corners))
-    weights[np.arange(len(place)), before] = 1.0 - (place - before)
-    weights[np.arange(len(place)), before + 1] = place - before
-    return weights
 
 
 def _widened(window: tuple[slice, ...], inside: Bool, grid: Grid) -> tuple[tuple[slice, ...], tuple[slice, ...]]:

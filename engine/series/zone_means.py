@@ -13,6 +13,7 @@ from ..core.arrays import Float, Index
 from ..zones.change_zones import cells_of
 from ..zones.footprints import Cells, in_window, plain_footprints
 from ..zones.volumes import CorrelationModel
+from .zone_grounds import Ground
 
 _MIN_MEASURED_SHARE = 0.1  # of a zone's area: with less a survey did not measure it
 _FLAT_DEVIATION = 3**-0.5  # standard deviation over mean of values that lie evenly between 0 and twice their mean
@@ -60,9 +61,13 @@ class _Mean:
 
 
 def zone_means(
-    grounds: Sequence[Index], changes: Iterable[Change], correlations: Sequence[CorrelationModel], gap: float
+    grounds: Sequence[Ground], changes: Iterable[Change], correlations: Sequence[CorrelationModel], gap: float
 ) -> list[ZoneMeans]:
-    """What each survey measured on the ``grounds`` (flat indices each).
+    """What each survey measured on the ``grounds``.
+
+    Where a ground has its own mean change, that counts. Its error is that of its points, and at least that of cells
+    whose errors are as alike as on stable ground, where there was enough of it to know. Else the mean of the cells
+    counts.
 
     Cells that were not measured, but have a measured one within ``gap``, are interpolated, with the scatter of the
     change in the error. For the rest of a ground the mean of the measured part is taken. Its error is the scatter of
@@ -73,13 +78,13 @@ def zone_means(
         correlations: of the errors of each.
     """
     surveys = []
-    for change, model in zip(changes, correlations, strict=True):
+    for survey, (change, model) in enumerate(zip(changes, correlations, strict=True), 1):
         cells = replace(cells_of(change), partition=change.partition)
         known = change.uniform_dz is None
-        surveys.append([_mean(ground, change, cells, model, gap) if known else _Mean() for ground in grounds])
+        surveys.append([_mean(ground, survey, cells, (change, model), gap) if known else _Mean() for ground in grounds])
         side = change.grid.cell
     return [
-        _together(ground, [of_survey[number] for of_survey in surveys], side**2)
+        _together(ground.cells, [of_survey[number] for of_survey in surveys], side**2)
         for number, ground in enumerate(grounds)
     ]
 
@@ -110,8 +115,9 @@ def _together(ground: Index, means: Sequence[_Mean], cell_area: float) -> ZoneMe
     )
 
 
-def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, gap: float) -> _Mean:
-    row, column = np.divmod(ground, change.grid.columns)
+def _mean(ground: Ground, survey: int, whole: Cells, compared: tuple[Change, CorrelationModel], gap: float) -> _Mean:
+    change, model = compared
+    row, column = np.divmod(ground.cells, change.grid.columns)
     margin = max(1, round(gap / whole.cell)) + max(5, round(1.0 / whole.cell))
     window = (
         slice(max(0, int(row.min()) - margin), min(change.grid.rows, int(row.max()) + margin + 1)),
@@ -129,7 +135,7 @@ def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, 
     covered = float(weights.sum())
     # on the slope, where the change is square to it
     steep = float(np.mean(cells.area[footprint.own])) / change.grid.cell**2 if footprint.own.any() else 1.0
-    size = len(ground) * change.grid.cell**2 * steep
+    size = len(ground.cells) * change.grid.cell**2 * steep
     if footprint.measured < _MIN_MEASURED_SHARE or covered < _MIN_MEASURED_SHARE * size:
         return _Mean()
     dz, share = np.nan_to_num(cells.dz), weights / covered
@@ -139,6 +145,10 @@ def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, 
     counts = [a[within][footprint.own].astype(np.float64) for a in (change.count_from, change.count_to)]
     of_first = float(np.mean(counts[1] / np.maximum(counts[0] + counts[1], 1.0)))
     sampling = model.own_error(share, cells) ** 2
+    interpolated = footprint.scatter / covered
+    if ground.change is not None and ground.variance is not None:
+        mean, by_points = float(ground.change[survey]) / steep, float(ground.variance[survey]) / steep**2
+        sampling, interpolated = by_points if model.variogram is None else max(sampling, by_points), 0.0
     plants = (0.0, 0.0)
     if change.plants is not None:
         errors = (change.plants.error_from, change.plants.error_to)
@@ -148,7 +158,7 @@ def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, 
     significant = change.significant[within] & (footprint.inside)
     return _Mean(
         mean,
-        own + unseen**2 + (footprint.scatter / covered) ** 2,
+        own + unseen**2 + interpolated**2,
         of_first * sampling + plants[0] ** 2,
         size,
         min(1.0, footprint.measured),
