@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Index
 from ..grid.block_moments import PLAIN_SUMS, UU, UV, UZ, VV, VZ, ZZ, Moments, N, U, V, Z, merged
 
 _MAX_SIDE_CELLS = 40  # cells a side in which the motion is fitted: larger windows have larger cells
@@ -136,7 +136,7 @@ def _lowest(steps: Float, start: int, error: Callable[[float], float]) -> tuple[
     return float(steps[here]), at(here)
 
 
-def _folds(sums: Sequence[Float]) -> list[Float]:
+def _folds(sums: Sequence[Float]) -> list[Index]:
     """In which turn each cell of each survey is left out, (rows, columns)."""
     rng = np.random.default_rng(1)
     return [rng.integers(_FOLDS, size=one.shape[1:]) for one in sums]
