@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import math
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date, timedelta
 from pathlib import Path
 
@@ -18,12 +16,10 @@ from affine import Affine
 from rasterio.features import geometry_mask
 
 from ..engine.epochs.epoch import Epoch
-from ..engine.grid.grid import Grid, snapped_grid
+from ..engine.grid.grid import Grid
 from ..engine.series.inverse_velocity import failure_time
 from ..engine.series.velocity import zone_velocity
-from ..engine.statistics.normal import Z95
 from ..interface.parameters import (
-    ChangeParameters,
     DisplacementStepParameters,
     GridChangeParameters,
     SeriesParameters,
@@ -41,16 +37,13 @@ from ..simulation.surveys.series import (
 )
 from ..workflows.series import monitor_series
 from ..workflows.settings import SeriesSettings
-from .table import Row, say
+from .series_grounds import ground_rows
+from .table import Row
 
 _FIRST = date(2024, 5, 1)
 _MONTHLY = survey_days(6, 30)
 _NEARING = tuple(_FIRST + timedelta(days=d) for d in (0, 30, 55, 75, 90, 100))
 _FAILURE = 110.0
-_DENSITIES = (20, 50, 200)  # ground points a m²
-_GROUND_SHARES = ((0.2, 0.8), (0.45, 0.67), (0.7, 0.45))  # vegetation, and the share of echoes that are the ground's
-_GROUND_SEEDS = range(1, 11)
-_FINE_CELL_M = 0.1
 _SETTINGS = SeriesSettings(
     change=GridChangeParameters(cell=0.25),
     series=SeriesParameters(ground_ready=True, rasters_each_survey=False),
@@ -89,7 +82,7 @@ def rows() -> list[Row]:
         _no_failure("unchanged slopes, failure times", still),
         _failure_row(ending),
         *_statistical_rows(),
-        *(row for density in _DENSITIES for row in _ground_rows(density)),
+        *ground_rows(),
         _one_more(creep[0].series),
     ]
 
@@ -152,100 +145,6 @@ def _velocity_rows(slopes: list[Slope]) -> list[Row]:
             f"stated standard error {np.median(stated):.3f} mm/day",
         ),
     ]
-
-
-@dataclass(frozen=True)
-class Ground:
-    """A zone's ground and volumes: area (m²) and net volume (m³) stated and true, and whether each survey's 95 %
-    interval holds the true volume there. The true area is where ground moved by a tenth of the most, or more.
-    """
-
-    area: float
-    true_area: float
-    volume: float
-    true_volume: float
-    held: tuple[bool, ...]
-
-
-def _ground_rows(density: int) -> list[Row]:
-    """With the defaults: what is compared, and the zones' areas and volumes."""
-    shares, zones = [], []
-    for seed in _GROUND_SEEDS:
-        compared, found = grown_series(seed, density)
-        shares += compared
-        zones += found
-        say(f"{density} ground points a m², seed {seed}: {len(found)} zones")
-    held = np.concatenate([zone.held for zone in zones])
-    areas = np.array([zone.area / zone.true_area for zone in zones])
-    volumes = np.array([zone.volume / zone.true_volume for zone in zones])
-    near = [100 * float(np.mean(np.abs(ratios - 1) <= 0.1)) for ratios in (volumes, areas)]
-    name, least = f"{density} ground points a m², 20 to 70 % vegetation", min(shares)
-    return [
-        Row(f"{name}: least share that is compared", f"{100 * least:.0f} %", ">= 90 %", "", least >= 0.9),
-        Row(
-            f"{name}: zones with a volume within 10 % of the truth",
-            f"{near[0]:.0f} % of {len(zones)}; stated over true {np.median(volumes):.2f}",
-            "all",
-            f"area within 10 % {near[1]:.0f} %; stated over true {np.median(areas):.2f}",
-            near[0] == 100,
-        ),
-        Row(
-            f"{name}: 95 % intervals that hold the volume",
-            f"{100 * held.mean():.1f} % of {len(held)}",
-            "90 to 99 %",
-            "",
-            0.9 <= float(held.mean()) <= 0.99,
-        ),
-    ]
-
-
-def grown_series(seed: int, density: int) -> tuple[list[float], list[Ground]]:
-    """Shares of the ground that each survey compared, and the zones, of a series of five surveys of creep."""
-    vegetation, share = _GROUND_SHARES[seed % 3]
-    length, height, angle = 24.0, 9.0, 39.0
-    points = int(density / share * length * height / math.tan(math.radians(angle)))
-    parameters = SurveyParameters(
-        seed=seed, points=points, length=length, height=height, angle=angle, vegetation=vegetation, offset=0.05
-    )
-    laws = (Creep(-0.003, 15.0), Creep(0.004), Creep(-0.006, 45.0))
-    series = simulate_series(parameters, survey_days(5, 30), laws)
-    settings = replace(_SETTINGS, change=ChangeParameters())
-    with tempfile.TemporaryDirectory() as name:
-        paths = write_series(series, Path(name), ground_only=True)
-        done = monitor_series(_epochs(series, paths), Path(name) / "out", settings, roi=paths["roi"])
-        zones = geopandas.read_file(done.outputs["series_zones"], layer="zones")
-        surveys = geopandas.read_file(done.outputs["series_zones"], layer="series")
-        compared = [float(row["compared_share"]) for row in csv.DictReader(done.outputs["coverage"].open())]
-    low, high = np.asarray(series.roi).min(axis=0), np.asarray(series.roi).max(axis=0)
-    grid = snapped_grid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), _FINE_CELL_M)
-    truth = [series.true_change(number, grid, 2) for number in range(len(series.dates))]
-    motions = [series.true_velocity(number, grid, 2) != 0 for number in range(len(laws))]
-    found = []
-    for _, zone in zones.iterrows():
-        inside = geometry_mask([zone.geometry], grid.shape, Affine(*grid.affine), invert=True)
-        own = max(motions, key=lambda motion: np.count_nonzero(motion & inside))
-        if not (own & inside).any():
-            continue  # false zones are counted on still slopes
-        rows = surveys[(surveys["zone_id"] == zone["zone_id"]) & surveys["vol_net_m3"].notna()]
-        of_survey = [
-            truth[k][inside].sum() * _FINE_CELL_M**2 for k in 1 + np.searchsorted(_days(series), rows["epoch"])
-        ]
-        errors = np.abs(rows["vol_net_m3"] - of_survey) / rows["vol_err_m3"]
-        moved = own & (np.abs(truth[-1]) >= 0.1 * np.abs(truth[-1][own]).max())
-        found.append(
-            Ground(
-                area=float(zone["area_m2"]),
-                true_area=float(moved.sum()) * _FINE_CELL_M**2,
-                volume=float(zone["vol_net_m3"]),
-                true_volume=float(truth[-1][own].sum()) * _FINE_CELL_M**2,
-                held=tuple((errors <= Z95).tolist()),
-            )
-        )
-    return compared, found
-
-
-def _days(series: SimulatedSeries) -> list[str]:
-    return [day.isoformat() for day in series.dates[1:]]
 
 
 def _no_failure(figure: str, slopes: list[Slope]) -> Row:

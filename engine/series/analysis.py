@@ -32,7 +32,8 @@ from .persistence import confirmed_cells
 from .tracking import Track, track_zones
 from .velocity import own_variances
 from .visits import detectable_rates
-from .zone_means import zone_grounds, zone_means
+from .zone_grounds import Ground, zone_grounds
+from .zone_means import zone_means
 from .zone_series import Stack, ZoneSeries, zone_series
 
 
@@ -73,7 +74,8 @@ def analyse(
     Args:
         folder: for the changes as long as the analysis is in use.
     """
-    cumulative, incremental = compared(gridded, grid, parameters[0], folder, stable, progress or Progress())
+    progress = progress or Progress()
+    cumulative, incremental = compared(gridded, grid, parameters[0], folder, stable, progress)
     zone_parameters = parameters[1]
     groups, levels, correlations = [], [], []
     for number, change in enumerate(cumulative, 1):
@@ -84,7 +86,7 @@ def analyse(
     tracks = track_zones(groups, max(1, int(zone_parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)))
     del groups
     living, stack = [t for t in tracks if not t.merged_into and len(t.footprint)], _stack(gridded, cumulative)
-    grounds = zone_grounds(living, cumulative, zone_parameters.bridged_gap)
+    grounds = zone_grounds(living, cumulative, zone_parameters.bridged_gap, [g.load for g in gridded], progress)
     means = zone_means(grounds, cumulative, correlations, zone_parameters.bridged_gap)
     found = [
         zone_series(track, of_zone, stack.days, alerts, minimum_area=zone_parameters.minimum_area)
@@ -123,7 +125,9 @@ def with_ground(
     placed = [(one, cells) for one in ground if len(cells := joined_cells(one.windows, layout, grid))]
     if not placed:
         return analysis
-    means = zone_means([c for _, c in placed], analysis.cumulative, analysis.correlations, parameters.bridged_gap)
+    means = zone_means(
+        [Ground(c) for _, c in placed], analysis.cumulative, analysis.correlations, parameters.bridged_gap
+    )
     measured = [(one, of_one) for (one, _), of_one in zip(placed, means, strict=True)]
     days = analysis.stack.days
     zones = joined_zones(analysis.zones, measured, layout, grid, days, alerts)

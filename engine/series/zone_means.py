@@ -1,4 +1,4 @@
-"""The ground of a zone, and its mean change and volume there in each survey; errors hold what was not measured."""
+"""Mean change and volume of each zone on its ground in each survey; errors hold what was not measured."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage
 
 from ..change.result import Change
-from ..core.arrays import Bool, Float, Index
+from ..core.arrays import Float, Index
 from ..zones.change_zones import cells_of
-from ..zones.footprints import Cells, Footprint, in_window, outline_footprints, plain_footprints
+from ..zones.footprints import Cells, in_window, plain_footprints
 from ..zones.volumes import CorrelationModel
-from .tracking import Track
+from .zone_grounds import Ground
 
 _MIN_MEASURED_SHARE = 0.1  # of a zone's area: with less a survey did not measure it
-_MIDDLE_SHARE = 0.25  # of a zone's measured cells, the innermost: their mean change is that of its middle
-_RINGS_A_CELL = 2
-_LEAST_SHARE = 0.1  # of the change in the middle: ground that moved by less is not the zone's
 _FLAT_DEVIATION = 3**-0.5  # standard deviation over mean of values that lie evenly between 0 and twice their mean
 
 
@@ -64,68 +60,14 @@ class _Mean:
     raised: float = 0.0
 
 
-def zone_grounds(tracks: Sequence[Track], changes: Sequence[Change], gap: float) -> list[Index]:
-    """The cells (flat indices) of each zone's ground: its footprint as of a change between two surveys.
-
-    Of the surveys that saw the zone, that in which its volume is largest gives the footprint
-    (``footprints.outline_footprints``). The zone's cells in all other surveys belong to it as well.
-
-    Args:
-        changes: of the surveys from the second on against the first.
-        gap: metres, see ``outline_footprints``.
-    """
-    found, largest = [track.footprint for track in tracks], np.zeros(len(tracks))
-    seen = [{s.epoch for s in track.sightings} for track in tracks]
-    for survey, change in enumerate(changes, 1):
-        if not any(survey in epochs for epochs in seen):
-            continue
-        labels = np.zeros(change.grid.shape, dtype=np.int32)
-        for number, track in enumerate(tracks, 1):
-            labels.ravel()[track.footprint] = number
-        number_of = np.unique(labels[labels > 0])
-        cells, outlines = cells_of(change), labels.copy()
-        outlines[labels > 0] = np.searchsorted(number_of, labels[labels > 0]) + 1
-        footprints = outline_footprints(
-            cells, outlines, len(number_of), gap=gap, registration_error=change.registration_error
-        )
-        for number, footprint in zip((number_of - 1).tolist(), footprints, strict=True):
-            near = in_window(cells, footprint.window)
-            volume = abs(float(np.sum(footprint.weights * np.nan_to_num(near.dz))))
-            if survey in seen[number] and volume > largest[number]:
-                largest[number] = volume
-                row, column = np.nonzero(_moved(near, labels[footprint.window] == number + 1, footprint))
-                found[number] = (row + footprint.window[0].start) * change.grid.columns + column
-                found[number] += footprint.window[1].start
-    return found
-
-
-def _moved(cells: Cells, own: Bool, footprint: Footprint) -> Bool:
-    """The footprint without its rim of ground that hardly moved.
-
-    Ring by ring from the inside, up to the ring whose mean change is less than a share of that in the middle. Means of
-    whole rings decide, so that noise does not choose single cells.
-
-    Args:
-        cells, own: change in the footprint's window, and the cells (rows, columns) of the zone.
-    """
-    known = np.isfinite(cells.dz) & footprint.inside
-    depth = ndimage.distance_transform_edt(own) - ndimage.distance_transform_edt(~own)
-    ring = np.ceil(_RINGS_A_CELL * (depth.max() - depth)).astype(np.int64)
-    inside = np.where(known, ring, 0)
-    number = np.bincount(inside[known])
-    total = np.bincount(inside[known], cells.dz[known], minlength=len(number))
-    reached = np.cumsum(number)
-    middle = int(np.searchsorted(reached, _MIDDLE_SHARE * int(np.count_nonzero(own & known))))
-    least = _LEAST_SHARE * float(total[: middle + 1].sum()) / max(int(reached[middle]), 1)
-    weak = np.flatnonzero((np.sign(least) * total < abs(least) * number) & (np.arange(len(number)) > middle))
-    filled: Bool = footprint.inside & (ring < (int(weak[0]) if weak.size else len(number) + 1))
-    return filled
-
-
 def zone_means(
-    grounds: Sequence[Index], changes: Iterable[Change], correlations: Sequence[CorrelationModel], gap: float
+    grounds: Sequence[Ground], changes: Iterable[Change], correlations: Sequence[CorrelationModel], gap: float
 ) -> list[ZoneMeans]:
-    """What each survey measured on the ``grounds`` (flat indices each).
+    """What each survey measured on the ``grounds``.
+
+    Where a ground has its own mean change, that counts. Its error is that of its points, and at least that of cells
+    whose errors are as alike as on stable ground, where there was enough of it to know. Else the mean of the cells
+    counts.
 
     Cells that were not measured, but have a measured one within ``gap``, are interpolated, with the scatter of the
     change in the error. For the rest of a ground the mean of the measured part is taken. Its error is the scatter of
@@ -136,13 +78,13 @@ def zone_means(
         correlations: of the errors of each.
     """
     surveys = []
-    for change, model in zip(changes, correlations, strict=True):
+    for survey, (change, model) in enumerate(zip(changes, correlations, strict=True), 1):
         cells = replace(cells_of(change), partition=change.partition)
         known = change.uniform_dz is None
-        surveys.append([_mean(ground, change, cells, model, gap) if known else _Mean() for ground in grounds])
+        surveys.append([_mean(ground, survey, cells, (change, model), gap) if known else _Mean() for ground in grounds])
         side = change.grid.cell
     return [
-        _together(ground, [of_survey[number] for of_survey in surveys], side**2)
+        _together(ground.cells, [of_survey[number] for of_survey in surveys], side**2)
         for number, ground in enumerate(grounds)
     ]
 
@@ -173,8 +115,9 @@ def _together(ground: Index, means: Sequence[_Mean], cell_area: float) -> ZoneMe
     )
 
 
-def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, gap: float) -> _Mean:
-    row, column = np.divmod(ground, change.grid.columns)
+def _mean(ground: Ground, survey: int, whole: Cells, compared: tuple[Change, CorrelationModel], gap: float) -> _Mean:
+    change, model = compared
+    row, column = np.divmod(ground.cells, change.grid.columns)
     margin = max(1, round(gap / whole.cell)) + max(5, round(1.0 / whole.cell))
     window = (
         slice(max(0, int(row.min()) - margin), min(change.grid.rows, int(row.max()) + margin + 1)),
@@ -192,7 +135,7 @@ def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, 
     covered = float(weights.sum())
     # on the slope, where the change is square to it
     steep = float(np.mean(cells.area[footprint.own])) / change.grid.cell**2 if footprint.own.any() else 1.0
-    size = len(ground) * change.grid.cell**2 * steep
+    size = len(ground.cells) * change.grid.cell**2 * steep
     if footprint.measured < _MIN_MEASURED_SHARE or covered < _MIN_MEASURED_SHARE * size:
         return _Mean()
     dz, share = np.nan_to_num(cells.dz), weights / covered
@@ -202,6 +145,10 @@ def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, 
     counts = [a[within][footprint.own].astype(np.float64) for a in (change.count_from, change.count_to)]
     of_first = float(np.mean(counts[1] / np.maximum(counts[0] + counts[1], 1.0)))
     sampling = model.own_error(share, cells) ** 2
+    interpolated = footprint.scatter / covered
+    if ground.change is not None and ground.variance is not None:
+        mean, by_points = float(ground.change[survey]) / steep, float(ground.variance[survey]) / steep**2
+        sampling, interpolated = by_points if model.variogram is None else max(sampling, by_points), 0.0
     plants = (0.0, 0.0)
     if change.plants is not None:
         errors = (change.plants.error_from, change.plants.error_to)
@@ -211,7 +158,7 @@ def _mean(ground: Index, change: Change, whole: Cells, model: CorrelationModel, 
     significant = change.significant[within] & (footprint.inside)
     return _Mean(
         mean,
-        own + unseen**2 + (footprint.scatter / covered) ** 2,
+        own + unseen**2 + interpolated**2,
         of_first * sampling + plants[0] ** 2,
         size,
         min(1.0, footprint.measured),

@@ -20,7 +20,7 @@ from ...engine.grid.grid import Grid, snapped_grid
 from ...interface.parameters import SurveyParameters
 from ..frame import Frame
 from ..motion.moved_ground import SurfaceMotion
-from .change import Bump, true_change_raster
+from .change import Bump, Cone, Plateau, Slump, true_change_raster
 from .layers import Landscape
 from .plants import cover_of
 from .scanner import SurveyCloud, survey
@@ -82,16 +82,30 @@ class Fukuzono:
         return -self.scale * math.log((end - days) / end)
 
 
+Shape = Bump | Cone | Plateau | Slump
+"""Of ground that rises or sinks."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """Ground that moves: where (``shape``, whose height is the displacement per metre of the ``law``), and how."""
 
-    shape: Bump
+    shape: Shape
     law: Law
 
-    def at(self, days: float) -> Bump:
+    def at(self, days: float) -> Shape:
         """The change of the ground until then."""
-        return replace(self.shape, height=self.shape.height * self.law.displacement(days))
+        return self.scaled(self.law.displacement(days))
+
+    def scaled(self, factor: float) -> Shape:
+        """The shape with ``factor`` times its height."""
+        match self.shape:
+            case Cone():
+                return replace(self.shape, peak=self.shape.peak * factor)
+            case Slump():
+                return replace(self.shape, depth=self.shape.depth * factor)
+            case _:
+                return replace(self.shape, height=self.shape.height * factor)
 
 
 @dataclass(frozen=True)
@@ -155,8 +169,7 @@ class SimulatedSeries:
         if isinstance(moving, AlongSurface):
             raise ValueError("a zone that moves along the surface has no vertical velocity alone")
         rate = (moving.law.displacement(last) - moving.law.displacement(last - 1e-3)) / 1e-3
-        shape = replace(moving.shape, height=moving.shape.height * rate)
-        return true_change_raster([shape], self.scene.frame, grid, subsamples)
+        return true_change_raster([moving.scaled(rate)], self.scene.frame, grid, subsamples)
 
     def true_velocities(self, grid: Grid) -> dict[str, Float]:
         """Velocity east, north and up at the last survey of the ground that was in the middle of each cell at the first
@@ -183,6 +196,7 @@ def simulate_series(
     laws: Sequence[Law],
     *,
     half_axes: tuple[float, float] = (2.0, 1.6),
+    shapes: Sequence[Shape] = (),
     progress: Progress | None = None,
     plants: Sequence[SurveyParameters] = (),
     roi_buffer: float = 0.0,
@@ -196,6 +210,7 @@ def simulate_series(
 
     Args:
         half_axes: of each zone along and up the slope, metres; of zones that rise or sink.
+        shapes: of these zones instead, one for each law, placed as the others are.
         plants: parameters of the plants in each survey; ``parameters`` in all where none are given.
         roi_buffer: how far the region reaches beyond the cut face, metres.
 
@@ -206,7 +221,7 @@ def simulate_series(
     seed, plants = parameters.seed, plants or (parameters,) * len(dates)
     slope = built_slope(parameters, Relief(), Frame(), roi_buffer, progress)
     scene = slope.scene
-    motions = _motions(parameters, laws, half_axes)
+    motions = _motions(parameters, laws, shapes or [Bump(0.0, 0.0, *half_axes, 1.0)] * len(laws))
     first = Landscape(scene, slope.canopy, cover_of(plants[0], scene, 0))
     area, pulses = survey_area(first, slope.plan, slope.roi, parameters)
     clouds, transforms, grounds, rested = [], [], [], scene
@@ -234,7 +249,7 @@ def simulate_series(
 
 
 def _motions(
-    parameters: SurveyParameters, laws: Sequence[Law], half_axes: tuple[float, float]
+    parameters: SurveyParameters, laws: Sequence[Law], of_zones: Sequence[Shape]
 ) -> tuple[Motion, ...] | tuple[AlongSurface, ...]:
     """A zone for each law, side by side along the slope."""
     if parameters.motion != "none":
@@ -242,10 +257,10 @@ def _motions(
         return tuple(AlongSurface(shape, law) for shape, law in zip(shapes, laws, strict=True))
     rng, run = np.random.default_rng([parameters.seed, 3]), slope_of(parameters)[3]
     zones = []
-    for number, law in enumerate(laws):
+    for number, (law, shape) in enumerate(zip(laws, of_zones, strict=True)):
         u = parameters.length * (number + 0.5) / len(laws) + rng.uniform(-0.2, 0.2)
         v = run * rng.uniform(0.45, 0.55)
-        zones.append(Motion(Bump(float(u), float(v), *half_axes, 1.0), law))
+        zones.append(Motion(replace(shape, u=float(u), v=float(v)), law))
     return tuple(zones)
 
 

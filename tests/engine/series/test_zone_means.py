@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slopewatch.engine.series.tracking import Sighting, Track
-from slopewatch.engine.series.zone_means import zone_grounds, zone_means
+from slopewatch.engine.series.zone_grounds import Ground, zone_grounds
+from slopewatch.engine.series.zone_means import zone_means
 from slopewatch.engine.statistics.variogram import VariogramModel
 from slopewatch.engine.zones.volumes import CorrelationModel
 from slopewatch.tests.builders.drawn_changes import drawn_change
@@ -53,8 +54,8 @@ def test_the_ground_of_a_zone_is_what_moved(truth, area):
     for seed in range(10):
         changes = surveys(truth, seed)
         (ground,) = zone_grounds([track_of(changes[0])], changes, 0.2)
-        ratios.append(len(ground) / area)
-        assert truth.ravel()[ground].sum() == pytest.approx(truth.sum(), rel=0.15)
+        ratios.append(len(ground.cells) / area)
+        assert truth.ravel()[ground.cells].sum() == pytest.approx(truth.sum(), rel=0.15)
     assert np.median(ratios) == pytest.approx(1.0, abs=0.2)
 
 
@@ -64,7 +65,7 @@ def test_the_ground_comes_from_the_survey_that_saw_most():
     both = replace(first, sightings=(*first.sightings, *later.sightings), footprint=later.footprint)
     (ground,) = zone_grounds([both], [small, large], 0.2)
     (of_later,) = zone_grounds([later], [small, large], 0.2)
-    assert np.array_equal(ground, of_later)
+    assert np.array_equal(ground.cells, of_later.cells)
 
 
 def test_volumes_do_not_lean_and_their_intervals_hold_where_half_was_not_measured():
@@ -73,7 +74,7 @@ def test_volumes_do_not_lean_and_their_intervals_hold_where_half_was_not_measure
         changes = surveys(bowl(), seed, share=0.5)
         (ground,) = zone_grounds([track_of(changes[0])], changes, 0.2)
         (found,) = zone_means([ground], changes, [MODEL] * 3, 0.2)
-        true = bowl().ravel()[ground].sum() * CELL**2
+        true = bowl().ravel()[ground.cells].sum() * CELL**2
         assert found.volume[1:] == pytest.approx(found.change[1:] * found.area)
         assert found.measured[2] < 0.7
         held += (np.abs(found.volume[1:] - true) <= 1.96 * found.volume_error[1:]).tolist()
@@ -84,14 +85,14 @@ def test_volumes_do_not_lean_and_their_intervals_hold_where_half_was_not_measure
 
 def test_what_a_survey_did_not_see_is_in_its_error():
     changes = surveys(bowl(), 3)
-    ground = np.flatnonzero(bowl() < -0.02)
+    ground = Ground(np.flatnonzero(bowl() < -0.02))
     half = changes[1].dz.copy()
     half[:, :35] = np.nan
     most = changes[2].dz.copy()
-    most.ravel()[ground[10:]] = np.nan
+    most.ravel()[ground.cells[10:]] = np.nan
     changes = [changes[0], *(drawn_change(dz, SIGMA, CELL, registration=REGISTRATION) for dz in (half, most))]
     (found,) = zone_means([ground], changes, [MODEL] * 3, 0.2)
-    true = bowl().ravel()[ground].sum() * CELL**2
+    true = bowl().ravel()[ground.cells].sum() * CELL**2
     assert abs(found.volume[1] - true) <= 1.96 * found.volume_error[1]
     assert found.measured[2] == pytest.approx(0.5, abs=0.03)
     assert found.volume_error[2] > 0.2 * abs(found.volume[2]) > found.volume_error[1]
@@ -105,9 +106,9 @@ def test_what_a_survey_did_not_see_is_in_its_error():
 
 def test_the_first_surveys_error_is_in_all_comparisons_once():
     changes = [replace(c, count_from=c.count_from * 3) for c in surveys(bowl(), 4)]
-    ground = np.flatnonzero(bowl() < -0.02)
+    ground = Ground(np.flatnonzero(bowl() < -0.02))
     (found,) = zone_means([ground], changes, [MODEL] * 3, 0.2)
-    sampling = SIGMA**2 / len(ground)
+    sampling = SIGMA**2 / len(ground.cells)
     assert found.variance[0] == pytest.approx(sampling / 4, rel=1e-6)  # three times the points of the others
     assert found.variance[1:] == pytest.approx([sampling * 3 / 4 + REGISTRATION**2] * 3, rel=1e-6)
     assert found.volume_error[1] == pytest.approx(found.area * (sampling + REGISTRATION**2) ** 0.5, rel=1e-6)
@@ -115,7 +116,7 @@ def test_the_first_surveys_error_is_in_all_comparisons_once():
 
 def test_a_further_survey_changes_no_earlier_figure_of_the_same_ground():
     changes = surveys(bowl(), 5, count=4)
-    ground = np.flatnonzero(bowl() < -0.02)
+    ground = Ground(np.flatnonzero(bowl() < -0.02))
     before, after = (zone_means([ground], changes[:n], [MODEL] * n, 0.2)[0] for n in (3, 4))
     for name in ("change", "volume", "volume_error", "measured", "lowered", "raised"):
         np.testing.assert_array_equal(getattr(after, name)[:4], getattr(before, name))

@@ -11,7 +11,16 @@ import pytest
 from slopewatch.engine.grid.cell_statistics import cell_statistics
 from slopewatch.engine.grid.grid import snapped_grid
 from slopewatch.interface.parameters import SurveyParameters
-from slopewatch.simulation.surveys.series import Creep, Fukuzono, Settling, simulate_series, survey_days, write_series
+from slopewatch.simulation.surveys.change import Bump, Cone, Plateau, Slump
+from slopewatch.simulation.surveys.series import (
+    Creep,
+    Fukuzono,
+    Motion,
+    Settling,
+    simulate_series,
+    survey_days,
+    write_series,
+)
 
 
 def velocity(law, days: float) -> float:
@@ -27,6 +36,16 @@ def test_laws_have_their_velocities():
     law = Fukuzono(-0.2, 110.0)
     for t in (1.0, 60.0, 100.0):
         assert 1 / velocity(law, t) == pytest.approx(-(110 - t) / 0.2, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "shape", [Bump(0, 0, 2.0, 1.6, 1.0), Cone(0, 0, 4.0, 1.0), Plateau(0, 0, 3.0, 1.0), Slump(0, 0, 1.8, 5.6, 1.0)]
+)
+def test_shapes_of_every_kind_move_by_their_law(shape):
+    moving = Motion(shape, Creep(0.01, 20.0))
+    u, v = np.meshgrid(np.linspace(-3, 3, 13), np.linspace(-3, 3, 13))
+    np.testing.assert_allclose(moving.at(50.0).dz(u, v), 0.3 * shape.dz(u, v), atol=1e-12)
+    assert not moving.at(10.0).dz(u, v).any()
 
 
 def test_survey_days_are_evenly_apart():
