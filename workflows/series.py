@@ -30,6 +30,7 @@ from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
 from ..interface.parameters import GridChangeParameters
 from .early_memory import refuse_grid_early
+from .ground_choice import check_ground, with_one_ground
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .motion_memory import MotionMemory
@@ -110,7 +111,7 @@ def monitor_series(
     Raises:
         InputError: something given cannot be used; nothing is written then.
     """
-    settings, epochs = settings or SeriesSettings(), tuple(epochs)
+    settings, epochs = with_one_ground(settings or SeriesSettings()), tuple(epochs)
     check_series(epochs)
     table = read_alerts(alerts)
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("alerts", alerts)]
@@ -125,6 +126,7 @@ def monitor_series(
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
+    check_ground(epochs, settings.ground.ground, run.progress)
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     related = (settings.road, settings.assets)
