@@ -80,7 +80,7 @@ def _cells(record: Mapping[str, Any]) -> tuple[str, str]:
     if not sizes:
         return say("Side of a cell"), figure(record["grid"], "cell_m", "m", 2)
     parts = [f"{figure(row, 'side_m', 'm', 2)}: {percent(row, 'share', _share_digits(row))}" for row in sizes]
-    return say("Sides of the cells, with their shares of the area compared"), ", ".join(parts)
+    return say("Sides of the cells (shares of the area compared)"), ", ".join(parts)
 
 
 def _share_digits(row: Mapping[str, Any]) -> int:
