@@ -54,7 +54,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
         "VPC", "change detection",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.BATCH
-    BASIC = ("workers", "two_surveys", "ground", "cell", "minimum_area", "overwrite")
+    BASIC = ("workers", "two_surveys", "cell", "minimum_area", "overwrite")
     OPTION_NAMES: ClassVar = {"alerts": "ALERT_TABLE"}
     NUMBERS: ClassVar = {
         "SLOPE_COUNT": ("slopes", "Number of slopes"),

@@ -41,7 +41,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         "earthworks", "whole workflow", "compare two surveys", "displacement", "sliding",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.INSPECT
-    BASIC = ("ground", "cell", "minimum_area", "screen_last_epoch", "overwrite")
+    BASIC = ("cell", "minimum_area", "screen_last_epoch", "overwrite")
     OPTION_NAMES: ClassVar = {"epoch": "REFERENCE"}
     NUMBERS: ClassVar = {
         **CHANGE_NUMBERS,

@@ -125,10 +125,7 @@ def monitor_series(
     hashes, (roi_hash, stable_hash) = every_hash[: len(epochs)], every_hash[len(epochs) : len(epochs) + 2]
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
-    check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
-    check_ground(epochs, settings.ground.ground, run.progress)
-    for epoch in epochs[1:]:
-        require_comparable(epochs[0].path, epoch.path, settings.inputs)
+    _check_surveys(epochs, settings, run.progress)
     related = (settings.road, settings.assets)
     run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
     refuse_grid_early([epochs[0].path], settings.inputs, held_whole(settings.change), roi)
@@ -159,6 +156,14 @@ def monitor_series(
         run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
         _say(run, earlier)
     return run.result()
+
+
+def _check_surveys(epochs: tuple[Epoch, ...], settings: SeriesSettings, progress: Progress) -> None:
+    """Refuse surveys that are no series, as far as that can be seen before all work."""
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
+    check_ground(epochs, settings.ground.ground, progress)
+    for epoch in epochs[1:]:
+        require_comparable(epochs[0].path, epoch.path, settings.inputs)
 
 
 def _remeasured(zones: list[dict[str, Any]], earlier: dict[str, Any] | None) -> list[str]:
