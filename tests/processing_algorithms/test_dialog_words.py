@@ -27,7 +27,8 @@ NOT_IN_THE_DIALOG = {
 }  # fmt: skip
 ONLY_TERMINAL = {"language", "help", "progress", "watch-parent", "debug"}
 # Arguments of other programs, and beginnings of options that are put together.
-NO_OPTIONS = {"stdin", "temporary-folder", "version", "resources", "no-", "json"}
+DASK_WORKERS_OPTIONS = {"host", "resources", "worker-class"}
+NO_OPTIONS = {"stdin", "temporary-folder", "version", "no-", "json"} | DASK_WORKERS_OPTIONS
 
 
 def told(algorithm, sentence: str) -> str:
