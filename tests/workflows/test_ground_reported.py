@@ -61,7 +61,7 @@ class Extraction:
 
 def told(cover: GroundCover) -> str:
     return (
-        f"Ground: {percent(cover.ground_share)} of the points. Vegetation higher than 0.3 m covers 50 % of the slope. "
+        f"Ground is {percent(cover.ground_share)} of the points. Vegetation higher than 0.3 m covers 50 % of the slope. "
         f"{percent(cover.without_ground_share)} of the slope has no ground return."
     )
 

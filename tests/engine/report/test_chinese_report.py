@@ -85,7 +85,7 @@ def test_a_sentence_with_lists_and_a_day_before_it_is_known_as_a_whole():
         "采用0.2 m的单元可比较其中的大部分。"
     )
     covered = (
-        "2024-05-01: Ground: 36 % of the points. Vegetation higher than 0.3 m covers 37 % of the slope. 3.2 % of the "
+        "2024-05-01: Ground is 36 % of the points. Vegetation higher than 0.3 m covers 37 % of the slope. 3.2 % of the "
         "slope has no ground return."
     )
     assert say(covered) == ("2024-05-01：地面：占点的36 %。高于0.3 m的植被覆盖边坡的37 %。边坡的3.2 %没有地面回波。")
