@@ -92,9 +92,9 @@ class GroundResult:
         if self.cover is None or self.vegetation_cover is None:
             return ""
         return (
-            f"Ground is {percent(self.ground_ratio)} of the points. Vegetation higher than {MIN_VEGETATION_HEIGHT_M:g} m "
-            f"covers {percent(self.vegetation_cover)} of the slope. {percent(self.cover.without_ground_share)} of the "
-            "slope has no ground return."
+            f"Ground is {percent(self.ground_ratio)} of the points. Vegetation higher than {MIN_VEGETATION_HEIGHT_M:g} "
+            f"m covers {percent(self.vegetation_cover)} of the slope. {percent(self.cover.without_ground_share)} of "
+            "the slope has no ground return."
         )
 
     def figures(self) -> dict[str, Any]:

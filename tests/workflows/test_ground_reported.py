@@ -61,8 +61,8 @@ class Extraction:
 
 def told(cover: GroundCover) -> str:
     return (
-        f"Ground is {percent(cover.ground_share)} of the points. Vegetation higher than 0.3 m covers 50 % of the slope. "
-        f"{percent(cover.without_ground_share)} of the slope has no ground return."
+        f"Ground is {percent(cover.ground_share)} of the points. Vegetation higher than 0.3 m covers 50 % of the "
+        f"slope. {percent(cover.without_ground_share)} of the slope has no ground return."
     )
 
 
