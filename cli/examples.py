@@ -26,7 +26,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("All surveys in a folder", "slopewatch series surveys --roi slope.gpkg --output-dir results"),
         (
             "Surveys that are listed in a table, as ground that is ready",
-            "slopewatch series surveys.csv --ground-ready --output-dir results",
+            "slopewatch series surveys.csv --ground as_is --output-dir results",
         ),
     ),
     "batch": (

@@ -74,7 +74,7 @@ def read_settings(path: Path, groups: Sequence[type[ParameterSet]]) -> GivenSett
 
 def _of_record(path: Path, record: Mapping[str, Any], groups: Sequence[type[ParameterSet]]) -> GivenSettings:
     theirs = getattr(command_sets, str(record["command"]).upper().replace(" ", "_"), None)
-    offered = None if theirs is None else {s.name for group in theirs for s in group.specifications()}
+    offered = None if theirs is None else {(g.record_name, s.name) for g in theirs for s in g.specifications()}
     values: dict[str, Any] = {}
     left_out: list[str] = []
     own = {group.record_name: group for group in groups}
@@ -84,7 +84,7 @@ def _of_record(path: Path, record: Mapping[str, Any], groups: Sequence[type[Para
             continue
         known = _by_name([own[heading]])
         for name, value in given.items():
-            if offered is not None and name not in offered:  # of the set, but not for people to give
+            if offered is not None and (heading, name) not in offered:  # of the set, but not for people to give
                 continue
             if name in known:
                 values[name] = _checked(path, known[name], value)

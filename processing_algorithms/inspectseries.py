@@ -134,7 +134,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         "subsidence", "alert", "alarm", "temporal", "inverse velocity", "trend", "early warning", "vector", "sliding",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SERIES
-    BASIC = ("ground_ready", "rasters_each_survey", "cell", "minimum_area", "overwrite")
+    BASIC = ("ground", "rasters_each_survey", "cell", "minimum_area", "overwrite")
     NUMBERS: ClassVar = {
         "EPOCH_COUNT": ("epoch_count", "Number of surveys"),
         "ZONE_COUNT": ("zone_count", "Number of zones"),

@@ -139,15 +139,6 @@ COMPOSED = (
     "area (m²)",
     "points/m²",
     "Screening",
-    "Ground: {0} of the returns; {1} of the slope is bare; {2} of the slope has no ground return.",
-    (
-        "Ground: {0} of the returns; {1} cover {2} of the slope, {3} of the returns there are ground; {4} of the slope "
-        "has no ground return."
-    ),
-    (
-        "Ground: {0} of the returns; {1} cover {2} of the slope, {3} of the returns there are ground, expected error "
-        "{4} cm; {5} of the slope has no ground return."
-    ),
     "Uplift",
     "Subsidence",
     "Sliding",

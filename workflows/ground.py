@@ -8,7 +8,7 @@ from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
-from ..engine.ground.cover import cover_sentence, cover_table
+from ..engine.ground.cover import cover_table
 from ..engine.ground.extraction import extract_ground
 from .run import Run, record_name_of
 from .settings import Settings, groups
@@ -39,7 +39,7 @@ def ground_step(
             )
             entry.update(plain(result))
         if result.cover is not None:
-            for line in (cover_sentence(result.cover), *cover_table(result.cover)):
+            for line in (result.sentence(), *cover_table(result.cover)):
                 progress.info(line)
         run.outputs |= {"ground": stage.final(output.name), "clipped": stage.final(result.clipped.name)}
         run.figures = result.figures()

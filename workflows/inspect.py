@@ -21,7 +21,6 @@ from ..engine.epochs.comparability import refuse_other_raw_heights, require_comp
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.geometry.rigid_transform import RigidTransform
-from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.result import GroundResult
 from ..engine.ground.tiles.memory import shared_memory
@@ -36,6 +35,7 @@ from ..engine.report.compose import REPORT
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
+from .ground_choice import check_ground
 from .inspect_motion import measured_motion, write_motion
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
 from .layer_files import NO_LAYERS, LayerFiles
@@ -161,6 +161,7 @@ def inspect_slope(
 def _refuse_surveys(run: Run, epochs: tuple[Epoch, ...], settings: Settings, roi: Path | None) -> None:
     """Raise InputError where the surveys cannot be compared, as far as that can be seen before all work."""
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
+    check_ground(epochs, settings.ground.ground, run.progress)
     if len(epochs) == 2:
         paths = epochs[0].path, epochs[1].path
         require_comparable(*paths, settings.inputs)
@@ -238,8 +239,8 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
             for e, g in zip(task.epochs, grounds, strict=True)
         }
     for epoch, found in zip(task.epochs, grounds, strict=True):
-        if found.cover is not None:
-            run.progress.info(f"{epoch.name}: {cover_sentence(found.cover)}")
+        if sentence := found.sentence():
+            run.progress.info(f"{epoch.name}: {sentence}")
     return grounds
 
 

@@ -68,7 +68,7 @@ def ground_of(cloud: PointCloud, ground: str, progress: Progress) -> PointCloud:
     mask = taken_as_ground(cloud.classification, ground, cloud.path)
     taken = cloud if mask is None else PointCloud(cloud.xyz[mask], cloud.crs, cloud.path)
     if ground == "class_2":
-        warn_of_classes(taken.path, taken.xyz, progress)
+        warn_of_classes(taken.path, taken.xyz, progress.warning)
     return taken
 
 
@@ -87,7 +87,7 @@ def ground_on_disk(
     if not len(taken):
         taken_as_ground(None, ground, cloud)
     if ground == "class_2":
-        warn_of_classes(taken.path, taken, progress)
+        warn_of_classes(taken.path, taken, progress.warning)
     return taken
 
 

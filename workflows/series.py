@@ -30,6 +30,7 @@ from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
 from ..interface.parameters import GridChangeParameters
 from .early_memory import refuse_grid_early
+from .ground_choice import check_ground, with_one_ground
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .motion_memory import MotionMemory
@@ -112,7 +113,7 @@ def monitor_series(
     Raises:
         InputError: something given cannot be used; nothing is written then.
     """
-    settings, progress = settings or SeriesSettings(), progress or Progress()
+    settings, progress = with_one_ground(settings or SeriesSettings()), progress or Progress()
     check_series(epochs)
     epochs = one_a_day(epochs, None if overwrite else earlier_series(output_dir), progress)
     table = read_alerts(alerts)
@@ -190,6 +191,7 @@ def _of_one_slope(
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     offset = 0.0 if settings.registration.method == "none" else settings.registration.maximum_offset
     kept = overlapping(epochs, settings.inputs, roi, offset, run.progress, earlier=earlier)
+    check_ground(kept, settings.ground.ground, run.progress)
     left = {f"epoch {e.name}" for e in epochs if e not in kept}
     run.record.inputs = [i for i in run.record.inputs if i["role"] not in left]
     return kept, tuple(h for e, h in zip(epochs, hashes, strict=True) if e in kept)

@@ -30,7 +30,6 @@ from ..engine.grid.chosen_cell import CellChoice, choose_cell, with_cell
 from ..engine.grid.common_grid import affordable, common_grid
 from ..engine.grid.grid import Grid
 from ..engine.grid.kept_moments import KeptMoments
-from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.tiles.memory import shared_memory
 from ..engine.pointcloud.in_parts import SpooledCloud, spool
@@ -133,8 +132,8 @@ def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | N
                 final=task.stage.final(path.parent.name),
                 progress=shares[number],
             )
-            if result.cover is not None:
-                shares[number].info(cover_sentence(result.cover))
+            if sentence := result.sentence():
+                shares[number].info(sentence)
             return ground_facts(result.figures(), plain(result), f"{path.parent.name}/{result.classified.name}")
 
         return store.entry(GROUND, _ground_key(task, number), make, shares[number])

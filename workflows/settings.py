@@ -23,6 +23,7 @@ from ..interface.parameters import (
     MotionMemoryParameters,
     MovementParameters,
     ParameterSet,
+    RawGroundParameters,
     RegistrationParameters,
     ReportParameters,
     RoadParameters,
@@ -40,7 +41,7 @@ class Settings:
     inputs: InputParameters = field(default_factory=InputParameters)
     dates: DateParameters = field(default_factory=DateParameters)
     surface: SurfaceParameters = field(default_factory=SurfaceParameters)
-    ground: GroundParameters = field(default_factory=GroundParameters)
+    ground: RawGroundParameters = field(default_factory=RawGroundParameters)
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
     change: ChangeParameters = field(default_factory=ChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
@@ -93,7 +94,7 @@ class SeriesSettings:
 
     inputs: InputParameters = field(default_factory=InputParameters)
     dates: DateParameters = field(default_factory=DateParameters)
-    ground: GroundParameters = field(default_factory=GroundParameters)
+    ground: RawGroundParameters = field(default_factory=RawGroundParameters)
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
     change: GridChangeParameters = field(default_factory=ChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)

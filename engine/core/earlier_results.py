@@ -82,7 +82,7 @@ def _difference(earlier: dict[str, Any], record: RunRecord) -> str:
         if before.get(role) != now[role] and (role in before or not survey):
             return f"the {role.replace('epoch', 'survey of')} was another file"
     parameters = plain(record.parameters)
-    for group, values in earlier.get("parameters", {}).items():
+    for group, values in _with_ground(earlier.get("parameters", {})).items():
         if group == DetailParameters.record_name:  # what a report says of the slope changes no result
             continue
         for name, value in values.items():
@@ -90,6 +90,14 @@ def _difference(earlier: dict[str, Any], record: RunRecord) -> str:
             if name in parameters.get(group, {}) and not _same(parameters[group][name], value):
                 return f"{name} was {value}"
     return ""
+
+
+def _with_ground(parameters: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The parameters of a series with which points were its ground; earlier versions had two choices only."""
+    if "ground" not in parameters:
+        return parameters
+    ready = parameters.get("series", {}).get("ground_ready", False)
+    return parameters | {"ground": {"ground": "as_is" if ready else "extract"} | parameters["ground"]}
 
 
 def _same(value: Any, earlier: Any) -> bool:

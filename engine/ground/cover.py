@@ -86,8 +86,7 @@ class GroundCover:
 
     def figures(self) -> dict[str, float]:
         """The main numbers by name, for the figures of a run."""
-        shares = {f"{c.name}_share": c.area_share for c in self.classes}
-        return shares | {"without_ground_share": self.without_ground_share, "plant_error_m": self.error_m}
+        return {"without_ground_share": self.without_ground_share, "plant_error_m": self.error_m}
 
 
 def cover_facts(
@@ -166,23 +165,6 @@ def facts_of_squares(cells: CoverCells, sums: Float, heights: HeightCounts) -> G
     )
 
 
-def cover_sentence(cover: GroundCover) -> str:
-    """What a log says of it."""
-    parts = [f"Ground: {percent(cover.ground_share)} of the returns"]
-    plants = max((c for c in cover.classes if c.name in (LOW, SHRUBS, TREES)), key=lambda c: c.area_share)
-    bare = cover.classes[0]
-    if plants.area_share >= 0.05:
-        words = f"{CLASSES[plants.name]} cover {percent(plants.area_share)} of the slope"
-        words += f", {percent(plants.ground_share)} of the returns there are ground"
-        if math.isfinite(plants.error_m):
-            words += f", expected error {100 * plants.error_m:.1f} cm"
-        parts.append(words)
-    else:
-        parts.append(f"{percent(bare.area_share)} of the slope is bare")
-    parts.append(f"{percent(cover.without_ground_share)} of the slope has no ground return")
-    return "; ".join(parts) + "."
-
-
 def cover_table(cover: GroundCover) -> list[str]:
     """The classes as lines of a table for a terminal; classes without area are left out."""
     lines = [f"{'cover':<21}{'slope':>8}{'returns':>12}{'ground':>9}{'no ground':>11}{'error':>9}"]
@@ -206,10 +188,9 @@ def cover_warnings(cover: GroundCover, name: str) -> list[str]:
         )
     if cover.error_beyond_noise_share > _MIN_WARNED_SHARE:
         found.append(
-            f"On {percent(cover.error_beyond_noise_share)} of the area of {name} plants make a larger error of the "
-            "ground's height than the noise of its returns (over the whole area their medians are "
-            f"{100 * cover.error_m:.1f} and {100 * cover.noise_m:.1f} cm); survey with leaves off, mown or before "
-            "growth, and always in the same state of the plants."
+            f"Vegetation on {name} makes a larger error of the ground's height than the noise of the returns (medians "
+            f"{100 * cover.error_m:.1f} and {100 * cover.noise_m:.1f} cm over the whole area); survey with leaves off, "
+            "mown or before growth, and always in the same state of the vegetation."
         )
     return found
 

@@ -38,8 +38,10 @@ from . import pdal_pipelines
 from .cloth import METHOD, cloth_ground, filling, refuse_large_cloth
 from .cover import GroundCover, cover_facts, cover_warnings
 from .doubts import Found, ground_doubts
-from .filtering import Filtered, cloth_threshold, dominant_plane, refined, require_points, vertical
+from .filtering import Filtered, cloth_threshold, dominant_plane, refined, require_points
 from .findings import Outcome, refuse_implausible, returns_warning, spacing_warning
+from .given_ground import given_choice, given_ground, judge_classes
+from .labelled_clouds import labelled, plant_dimensions
 from .metrics import coverage, file_coverage, vegetation_cover
 from .outliers import outliers
 from .result import HEIGHT_OVER_GROUND, GroundResult
@@ -63,7 +65,7 @@ def extract_ground(
     final: Path | None = None,
     progress: Progress | None = None,
 ) -> GroundResult:
-    """Extract the ground of one cloud.
+    """Extract the ground of one cloud, or take that which ``RawGroundParameters`` says.
 
     In addition to ``output`` (NAME_ground.laz or NAME.laz), these are written: NAME_clipped.laz, NAME_classified.laz
     and the pipelines NAME_clip.json, NAME_cloth.json (only where PDAL lays the cloth) and NAME_select.json, by which
@@ -130,10 +132,26 @@ class _Extraction:
         with cancellation.temporary(self._file("clip.las")) as plain:
             with self._step("clip", 0.1, 0.3, "clipping"):
                 self._require_clipped(self._clip(source, plain), roi)
-            found = self._in_tiles(source, plain) if source.in_tiles else self._in_one_piece(source, plain)
+            found = self._found(source, plain)
             header = preflight(self.classified)
             self._keep("select", pdal_pipelines.select_pipeline(self.classified, self.output, header))
         return self._result(source, found)
+
+    def _found(self, source: Source, plain: Path) -> Outcome:
+        if given := given_choice(self.parameters):
+            return self._as_given(source, plain, given)
+        return self._in_tiles(source, plain) if source.in_tiles else self._in_one_piece(source, plain)
+
+    def _as_given(self, source: Source, plain: Path, given: str) -> Outcome:
+        with self._step("select", 0.3, 0.6, "taking the ground"):
+            found = given_ground(plain, given, flags_in_class=source.flags_in_class)
+            if given == "class_2":
+                judge_classes(self.cloud, found, self._warn)
+        with self._step("write", 0.6, 1.0, "writing the ground"):
+            outputs = self.classified, self.output
+            wanted = [Copy(self.clipped), *labelled(outputs, np.ones_like(found.mask), found.mask, {})]
+            copies(plain, wanted, flags_in_class=source.flags_in_class)
+        return found.outcome(given)
 
     def _in_one_piece(self, source: Source, plain: Path) -> Outcome:
         with self._step("denoise", 0.3, 0.45, "removing outliers"):
@@ -144,10 +162,11 @@ class _Extraction:
         with self._step("refine", 0.8, 0.9, "refining the ground"):
             found = refined(survey.flat, near, taken, self.parameters)
             self._judge(found, survey, taken)
-            dimensions = _dimensions(found, survey.plane.dip)
+            dimensions = plant_dimensions(found, survey.plane.dip)
             cover = self._cover(survey, found.ground, dimensions)
         with self._step("write", 0.9, 1.0, "writing the ground"):
-            wanted = [Copy(self.clipped, survey.keep), *self._labelled(survey.keep, found, dimensions)]
+            outputs = self.classified, self.output
+            wanted = [Copy(self.clipped, survey.keep), *labelled(outputs, survey.keep, found.ground, dimensions)]
             copies(plain, wanted, flags_in_class=source.flags_in_class)
         return Outcome(
             points=len(survey.keep),
@@ -221,7 +240,8 @@ class _Extraction:
                 f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which are not read; export "
                 "it without them."
             )
-        large = not fits_in_one_piece(header.count, header.count, self.parameters)
+        piece = fits_in_one_piece(header.count, header.count, self.parameters)
+        large = not piece and not given_choice(self.parameters)
         region = None if roi is None else read_roi(roi, frame.crs, unit=frame.horizontal_factor)
         counted = (None if region is None else region.geometry) if large else Polygon()
         # without PDAL the file is clipped as it is read
@@ -348,17 +368,6 @@ class _Extraction:
         for sentence in ground_doubts(shown(self.cloud), doubted, survey.returns.lost):
             self._warn(sentence)
 
-    def _labelled(self, keep: Bool, found: Filtered, dimensions: dict[str, NDArray[np.float32]]) -> tuple[Copy, Copy]:
-        """All points that are kept with their classes, and the ground alone."""
-        labels = np.where(found.ground, pdal_pipelines.GROUND, pdal_pipelines.UNCLASSIFIED).astype(np.uint8)
-        chosen = keep.copy()
-        chosen[keep] = found.ground
-        of_ground = {name: values[found.ground] for name, values in dimensions.items()}
-        return (
-            Copy(self.classified, keep, dimensions=dimensions, classification=labels),
-            Copy(self.output, chosen, dimensions=of_ground, classification=labels[found.ground]),
-        )
-
     def _run(self, pipeline: list[pdal_pipelines.Stage], points: int) -> None:
         memory = _BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points
         self.pdal.run(pipeline, memory_limit=memory, time_limit_s=time_limit_s(points), cloud=self.cloud)
@@ -387,14 +396,3 @@ class _Extraction:
         with self.progress.stage(start, end, message):
             yield
         self.seconds[name] = round(time.monotonic() - began, 3)
-
-
-def _dimensions(found: Filtered, dip: float) -> dict[str, NDArray[np.float32]]:
-    """What is known of the plants at each point, as the file holds it: vertical metres; nothing without refinement."""
-    upright = vertical(dip)  # distances are square to the slope's plane
-    named = {
-        HEIGHT_OVER_GROUND: found.height,
-        plant_cover.ERROR: found.plant_error,
-        plant_cover.HEIGHT: found.plant_height,
-    }
-    return {name: (values * upright).astype(np.float32) for name, values in named.items() if values is not None}

@@ -24,7 +24,7 @@ class Outcome:
     area: float
     ground_points: int
     outliers: int
-    vegetation_cover: float
+    vegetation_cover: float | None
     spacing: float
     plane: Plane
     scatter: float

@@ -19,11 +19,10 @@ from ..pointcloud.extent import CheckedRecords, square_metres
 from ..pointcloud.header import CloudHeader
 from ..pointcloud.near_area import NearArea
 from ..pointcloud.records import PLACES, coordinates
+from .result import MIN_VEGETATION_HEIGHT_M
 from .squares import square_numbers
 from .tally import Tally, metre_squares, square_places
 
-MIN_VEGETATION_HEIGHT_M = 0.3
-"""Least height (m) above the ground of what counts as vegetation."""
 _CROWN_CELL = 0.1
 
 

@@ -6,8 +6,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from .cover import GroundCover
+from .cover import GroundCover, percent
 
+CLASS_2, AS_IS = "class 2 of the survey", "all points, as they are"
+"""What ``GroundResult.filter`` says of ground that was given."""
+MIN_VEGETATION_HEIGHT_M = 0.3
+"""Least height (m) above the ground of what counts as vegetation."""
 _OF_STRIPS = ("disagreement_before_m", "disagreement_after_m")
 HEIGHT_OVER_GROUND = "height_over_ground"
 """Name of the dimension in the classified cloud, metres."""
@@ -43,11 +47,12 @@ class GroundResult:
 
     Lengths in metres, areas in m², densities in points per m², angles in degrees. ``ground`` is the output;
     ``clipped`` the denoised cloud within the region; ``classified`` the same with class 2 for ground, 1 for the rest;
-    ``pipelines`` the PDAL pipelines that make them. ``vegetation_cover`` is C_v, see ``metrics.vegetation_cover``.
-    ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
-    dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
-    describes what covers the ground and how well it is known below, None where that was not asked. ``tiles`` is None
-    for a cloud that was extracted in one piece, ``strips`` (``StripFit.facts``) where strips were not compared.
+    ``pipelines`` the PDAL pipelines that make them. ``vegetation_cover`` is C_v, see ``metrics.vegetation_cover``; None
+    where the ground was given. ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m².
+    ``plane_*`` describe the dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter
+    without it). ``cover`` describes what covers the ground and how well it is known below, None where that was not
+    asked. ``tiles`` is None for a cloud that was extracted in one piece, ``strips`` (``StripFit.facts``) where strips
+    were not compared.
     """
 
     ground: Path
@@ -62,7 +67,7 @@ class GroundResult:
     roi_density: float
     ground_points: int
     ground_ratio: float
-    vegetation_cover: float
+    vegetation_cover: float | None
     outliers: int
     spacing: float
     plane_normal: tuple[float, float, float]
@@ -77,6 +82,20 @@ class GroundResult:
     cover: GroundCover | None = None
     tiles: TilesUsed | None = None
     strips: dict[str, Any] | None = None
+
+    def sentence(self) -> str:
+        """What a log says of it: which points are ground, and what covers them; empty where neither is to be told."""
+        if self.filter == CLASS_2:
+            return f"Ground: the points of class 2, {percent(self.ground_ratio)} of all points."
+        if self.filter == AS_IS:
+            return "Ground: all points, as they are."
+        if self.cover is None or self.vegetation_cover is None:
+            return ""
+        return (
+            f"Ground is {percent(self.ground_ratio)} of the points. Vegetation higher than {MIN_VEGETATION_HEIGHT_M:g} "
+            f"m covers {percent(self.vegetation_cover)} of the slope. {percent(self.cover.without_ground_share)} of "
+            "the slope has no ground return."
+        )
 
     def figures(self) -> dict[str, Any]:
         """The numbers by name."""

@@ -57,7 +57,14 @@ def ground_section(record: Mapping[str, Any], folder: Path) -> dict[str, Any] | 
         "shown": [s | {"map": next(maps) if s["cloud"] else None} for s in shown],
         "heights": heights_chart([(s["name"], s["cover"]["heights"]) for s in shown if s["cover"]]),
         "labels": CLASSES,
+        "given": _given(record),
     }
+
+
+def _given(record: Mapping[str, Any]) -> str:
+    """Which points of raw surveys were taken as ground: class_2 or as_is; empty where it was extracted."""
+    ground = record["parameters"].get("ground", {}).get("ground")
+    return ground if ground in ("class_2", "as_is") else ""
 
 
 def ground_maps(clouds: Sequence[Path], names: Sequence[str]) -> list[Picture]:

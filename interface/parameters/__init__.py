@@ -20,7 +20,7 @@ from .displacement import DisplacementParameters, DisplacementStepParameters, Mo
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .flight import FlightParameters
-from .ground import GroundParameters
+from .ground import GroundParameters, RawGroundParameters
 from .handover import HANDOVER_FORMATS, HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
@@ -73,6 +73,7 @@ __all__ = [
     "ParameterError",
     "ParameterSet",
     "ProjectParameters",
+    "RawGroundParameters",
     "RegionParameters",
     "RegistrationParameters",
     "ReportParameters",

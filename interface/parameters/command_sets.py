@@ -12,7 +12,7 @@ from .displacement import DisplacementParameters, DisplacementStepParameters, Mo
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .flight import FlightParameters
-from .ground import GroundParameters
+from .ground import GroundParameters, RawGroundParameters
 from .handover import HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
@@ -66,7 +66,7 @@ SIMULATE_SURVEY: Sets = (SurveyParameters, OutputParameters)
 SIMULATE_SERIES: Sets = (CreepParameters, OutputParameters)
 SIMULATE_SCENES: Sets = (ScenesParameters, OutputParameters)
 
-_FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
+_FROM_RAW: Sets = (RawGroundParameters, RegistrationParameters)
 _MOTION: Sets = (DisplacementStepParameters, DisplacementParameters)
 INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_RELATED, *_SHOWN)
 SERIES: Sets = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import AUTO, ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, Specification, _parameter
 
 
 @dataclass(frozen=True)
@@ -133,3 +133,21 @@ class GroundParameters(ParameterSet, record_name="ground"):
         bounds=(0.35, 1024.0),
         advanced=True,
     )
+
+
+@dataclass(frozen=True)
+class RawGroundParameters(GroundParameters):
+    """Ground of raw surveys: extracted, or as the surveys have it."""
+
+    ground: str = _parameter(
+        "extract",
+        "Ground points",
+        "Which points are the ground. extract: the ground is extracted from all. class_2: those of class 2. as_is: "
+        "all, whatever they are, as of clouds that hold the ground alone.",
+        # QGIS stores the place of a choice: new ones go to the end.
+        choices=("extract", "class_2", "as_is"),
+    )
+
+    @classmethod
+    def specifications(cls) -> tuple[Specification, ...]:
+        return tuple(sorted(super().specifications(), key=lambda s: s.name != "ground"))

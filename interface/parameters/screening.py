@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from .specification import AUTO, ParameterSet, Specification, _parameter
 
@@ -154,6 +156,13 @@ class LastEpochParameters(ScreeningParameters):
         "Also labels the ground of the last survey by its shape, and says which of these zones the change "
         "confirms. Left out with a warning where the network or the slope does not allow it.",
     )
+
+    @classmethod
+    def build(
+        cls: type[LastEpochParameters], values: Mapping[str, Any] | None = None, profile: str = "default"
+    ) -> LastEpochParameters:
+        """As of all sets; the name ``ground`` is that of another set of the same command."""
+        return super().build({k: v for k, v in (values or {}).items() if k != "ground"}, profile)
 
     @classmethod
     def specifications(cls) -> tuple[Specification, ...]:

@@ -14,8 +14,8 @@ class SeriesParameters(ParameterSet, record_name="series"):
     ground_ready: bool = _parameter(
         False,
         "Clouds are ground already",
-        "Takes all points of the clouds as ground (as Extract ground wrote them), inside the region of interest. Off: "
-        "the ground of each raw survey is extracted first.",
+        "The older name of as_is under Ground points: takes all points of the clouds inside the region of interest.",
+        advanced=True,
     )
     rasters_each_survey: bool = _parameter(
         True,

@@ -175,8 +175,8 @@ class CreepParameters(SurveyParameters, record_name="creep", title="Simulation")
     ground_only: bool = _parameter(
         False,
         "Ground points only",
-        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for Clouds are ground "
-        "already of a series).",
+        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for as_is under "
+        "Ground points of a series).",
     )
 
     @classmethod

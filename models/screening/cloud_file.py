@@ -142,7 +142,7 @@ class ScreenedFile:
                 f"{self.name} has no points {what}{where}; give --ground extract, or check the cloud and area."
             )
         if classified:
-            warn_of_classes(self.known_as, np.concatenate(classified), self.progress)
+            warn_of_classes(self.known_as, np.concatenate(classified), self.progress.warning)
         self._masks = masks
 
     def _chosen(self, xyz: Float, labels: NDArray[np.uint8], start: int) -> Bool:

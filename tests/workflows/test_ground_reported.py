@@ -12,7 +12,7 @@ from pyproj import CRS
 from slopewatch.cli.reporting import JsonReporter
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch, parse_date
-from slopewatch.engine.ground.cover import GroundCover, cover_facts, cover_sentence, cover_table
+from slopewatch.engine.ground.cover import GroundCover, cover_facts, cover_table, percent
 from slopewatch.engine.ground.result import GroundResult
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.pdal_program import Pdal
@@ -59,6 +59,13 @@ class Extraction:
         )  # fmt: skip
 
 
+def told(cover: GroundCover) -> str:
+    return (
+        f"Ground is {percent(cover.ground_share)} of the points. Vegetation higher than 0.3 m covers 50 % of the "
+        f"slope. {percent(cover.without_ground_share)} of the slope has no ground return."
+    )
+
+
 class Kept(Progress):
     def __init__(self) -> None:
         super().__init__()
@@ -97,11 +104,12 @@ def test_ground_tells_the_sentence_and_the_table(extraction, tmp_path, capsys):
     [cover] = extraction.covers
     events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     said = [e["message"] for e in events if e["event"] == "log"]
-    assert said == [cover_sentence(cover), *cover_table(cover)]
-    assert "grass and low plants cover 50 % of the slope, 10 % of the returns there are ground" in said[0]
+    assert said == [told(cover), *cover_table(cover)]
+    assert "Vegetation higher than 0.3 m covers 50 % of the slope." in said[0]
     result = events[-1]["metrics"]
-    assert result["low_plants_share"] == pytest.approx(0.5, abs=0.02)
-    assert result["bare_share"] == cover.classes[0].area_share
+    # vegetation has one share: that of its cover
+    assert [name for name in result if "plants_share" in name or "bare" in name] == []
+    assert result["vegetation_cover"] == 0.5
     assert result["plant_error_m"] == cover.error_m
     record = json.loads((tmp_path / "out_ground_run.json").read_text())
     assert record["metrics"]["without_ground_share"] == cover.without_ground_share
@@ -116,7 +124,7 @@ def test_without_a_cover_nothing_is_said(extraction, tmp_path):
         cloud(tmp_path / "a.laz"), tmp_path / "out.laz", Settings(), roi=None, pdal=None, progress=progress
     ).figures
     assert progress.said == []
-    assert "bare_share" not in metrics
+    assert "plant_error_m" not in metrics
     assert json.loads((tmp_path / "out_run.json").read_text())["stages"][0]["cover"] is None
 
 
@@ -132,8 +140,8 @@ def test_inspect_tells_it_of_both_surveys_and_shows_it(extraction, tmp_path):
     for label, day in zip(("reference", "moving"), days, strict=True):
         kept = record["stages"][0]["epochs"][day]["cover"]
         [cover] = [c for c in extraction.covers if c is not None and c.ground_share == kept["ground_share"]]
-        assert f"{day}: {cover_sentence(cover)}" in progress.said
-        assert metrics[f"{label}_low_plants_share"] == kept["classes"][1]["area_share"]
+        assert f"{day}: {told(cover)}" in progress.said
+        assert metrics[f"{label}_plant_error_m"] == kept["error_m"]
     page = (out / "report.html").read_text()
     section = page[page.index('aria-labelledby="ground"') :]
     section = section[: section.index("</section>")]
@@ -155,7 +163,7 @@ def test_a_series_keeps_it_for_surveys_that_it_uses_again(extraction, tmp_path):
     for count in (2, 3):
         monitor_series(epochs[:count], out, settings, progress=progress)
     assert len(extraction.covers) == 3
-    sentences = [f"{cover_sentence(cover)}" for cover in extraction.covers if cover is not None]
+    sentences = [told(cover) for cover in extraction.covers if cover is not None]
     assert len(sentences) == 3
     assert all(sum(said.endswith(sentence) for said in progress.said) == 1 for sentence in sentences)
     page = (out / "report.html").read_text()
@@ -171,4 +179,4 @@ def test_figures_without_a_cover_are_as_before(extraction, tmp_path):
     result = extraction(cloud(tmp_path / "a.laz"), tmp_path / "b.laz")
     bare = replace(result, cover=None).figures()
     assert result.figures().items() > bare.items()
-    assert len(result.figures()) == len(bare) + 7
+    assert len(result.figures()) == len(bare) + 2

@@ -21,7 +21,7 @@ from .products import Made, read_alerts, write_products
 from .regions_on_roads import Road
 from .results import SlopeResult, result_of
 from .scheduling import Board, work_through
-from .settings import INSPECT, details_in, group_of
+from .settings import INSPECT, details_in, ground_is_given, group_of
 from .signed_reports import renewed_reports
 from .slope_process import PROGRAM
 from .state import StateFile
@@ -54,7 +54,7 @@ def work_on_all(what: Given, common: Common, planned: Planned, record: RunRecord
 
 
 def _need_pdal(found: Plan, needs: dict[str, int]) -> bool:
-    return any(found.jobs[n].command == INSPECT or not found.jobs[n].options.get("ground_ready") for n in needs)
+    return any(found.jobs[n].command == INSPECT or not ground_is_given(found.jobs[n].options) for n in needs)
 
 
 def _work(

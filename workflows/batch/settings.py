@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
@@ -68,6 +67,11 @@ def options_of(slope: Slope, command: str, common: Mapping[str, Any]) -> dict[st
     return {name: given[name] for name in specifications(command) if name in given}
 
 
+def ground_is_given(options: Mapping[str, Any]) -> bool:
+    """Whether all points of a series' clouds are taken as ground."""
+    return bool(options.get("ground_ready")) or options.get("ground") == "as_is"
+
+
 def details_in(options: Mapping[str, Any]) -> DetailParameters:
     """What a report to sign says of a slope, of its settings."""
     return DetailParameters.build({name: value for name, value in options.items() if name in _DETAILS})
@@ -92,7 +96,8 @@ def effective(command: str, options: Mapping[str, Any], profile: str) -> dict[st
     what is raised.
     """
     groups = group_of(command, options, profile).values()
-    return {n: value for g in groups for n, value in asdict(g).items() if n not in _OWN and n not in _DETAILS}
+    named = {s.name: getattr(group, s.name) for group in groups for s in group.specifications()}
+    return {name: value for name, value in named.items() if name not in _OWN and name not in _DETAILS}
 
 
 def arguments_of(job: Job) -> list[str]:

@@ -19,7 +19,7 @@ from ...engine.core.part_folders import settle
 from ...interface.protocol import CANCELLED, ERROR, INTERNAL_FAILURE, LOG, PROGRESS, TASK_VARIABLE
 from .jobs import KILLED, MEMORY, Job, Outcome
 from .results import result_of
-from .settings import INSPECT, SERIES, arguments_of
+from .settings import INSPECT, SERIES, arguments_of, ground_is_given
 
 PROGRAM = (sys.executable, "-m", "slopewatch.cli")
 """What runs a slope; a test may give another program that speaks the engine's protocol."""
@@ -79,7 +79,7 @@ def attempt(job: Job, work: Callable[[Events], int], listen: Listener | None) ->
 def _go_on_from_pair(job: Job) -> None:
     """Have a series use the ground of the surveys that the slope's earlier results hold."""
     folder = Path(job.folder)
-    if job.command != SERIES or job.options.get("ground_ready"):
+    if job.command != SERIES or ground_is_given(job.options):
         return
     settle(folder.parent / INSPECT)
     if not (folder.parent / INSPECT / "run.json").is_file():

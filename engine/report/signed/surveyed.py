@@ -12,6 +12,11 @@ from . import blocks
 from .blocks import Block, Cell, Column
 from .details import FLIGHT, LABELS, Details
 
+_GROUND = {
+    "extract": "extracted from all points",
+    "class_2": "points of class 2 of the surveys",
+    "as_is": "all points of the surveys",
+}
 _DIGITS = {"m²": 1, "m³": 2, "m": 4, "%": 1}
 
 
@@ -70,8 +75,11 @@ def _measured(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Registration and grid, as far as the record has them."""
     registration, metrics = record.get("registration") or {}, record["metrics"]
     rows: list[tuple[str, str]] = []
+    ground = _GROUND.get(record["parameters"].get("ground", {}).get("ground"))
+    if ground:
+        rows.append((say("Ground"), say(ground)))
     if record.get("grid"):
-        rows.append((say("Side of a cell"), figure(record["grid"], "cell_m", "m", 2)))
+        rows.append(_cells(record))
     if registration.get("registration_method"):
         shift = (figure(registration, f"registration_{axis}_m", digits=3, sign=True) for axis in ("dx", "dy", "dz"))
         rows += [
@@ -85,6 +93,20 @@ def _measured(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     if value_of(metrics, "lod_median_m") is not None:
         rows.append((say("Level of detection, median"), figure(metrics, "lod_median_m", "m")))
     return rows
+
+
+def _cells(record: Mapping[str, Any]) -> tuple[str, str]:
+    """The side of a cell; where cells grew, each with its share of the area compared."""
+    sizes = record.get("cell_sizes") or []
+    if not sizes:
+        return say("Side of a cell"), figure(record["grid"], "cell_m", "m", 2)
+    parts = [f"{figure(row, 'side_m', 'm', 2)}: {percent(row, 'share', _share_digits(row))}" for row in sizes]
+    return say("Sides of the cells (shares of the area compared)"), ", ".join(parts)
+
+
+def _share_digits(row: Mapping[str, Any]) -> int:
+    """Decimals of a percentage, of which a small one must not look like none."""
+    return 0 if (value_of(row, "share") or 0.0) >= 0.01 else 1
 
 
 def _volumes(rows: list[dict[str, Any]]) -> Block:

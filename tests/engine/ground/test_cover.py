@@ -14,7 +14,6 @@ from slopewatch.engine.ground.cover import (
     CLASSES,
     GroundCover,
     cover_facts,
-    cover_sentence,
     cover_table,
     cover_warnings,
     facts_of_squares,
@@ -163,20 +162,13 @@ def test_squares_do_not_reach_far_beyond_the_edge_of_a_survey():
     assert cover_cells(edge).side.max() == FINEST_SQUARE_M
 
 
-def test_the_sentence_and_the_table_tell_the_figures(by_hand):
+def test_the_table_tells_the_figures(by_hand):
     cover = facts(by_hand[21:41])
-    assert cover_sentence(cover) == (
-        "Ground: 15 % of the returns; grass and low plants cover 100 % of the slope, 15 % of the returns there are "
-        "ground, expected error 2.0 cm; 0 % of the slope has no ground return."
-    )
     lines = cover_table(facts(by_hand))
     assert len(lines) == 6
     assert " ".join(lines[2].split()) == "grass and low plants 1.5 % 20 15 % 0 % 2.0 cm"
     assert lines[5].split()[-1] == "–"
     assert len(cover_table(cover)) == 2
-    assert cover_sentence(facts(by_hand[:21])) == (
-        "Ground: 95 % of the returns; 100 % of the slope is bare; 0 % of the slope has no ground return."
-    )
 
 
 def test_warnings_come_with_their_share_and_the_season(by_hand):
@@ -187,8 +179,8 @@ def test_warnings_come_with_their_share_and_the_season(by_hand):
     assert missing.startswith("31 % of the area of may.laz has no ground return")
     assert "mowing" in missing
     [plants] = cover_warnings(replace(calm, error_beyond_noise_share=0.48, error_m=0.012, noise_m=0.004), "may.laz")
-    assert "48 % of the area of may.laz" in plants
-    assert "their medians are 1.2 and 0.4 cm)" in plants
+    assert "Vegetation on may.laz" in plants
+    assert "(medians 1.2 and 0.4 cm over the whole area)" in plants
     assert "same state" in plants
 
 
@@ -198,10 +190,9 @@ def test_a_run_record_takes_it(by_hand):
     assert kept["classes"][4]["error_m"] is None
     assert kept["heights"]["unknown"] == 11
     figures = cover.figures()
-    assert figures["low_plants_share"] == cover.classes[1].area_share
     assert figures["without_ground_share"] == cover.without_ground_share
     assert figures["plant_error_m"] == 0.06
-    assert len(figures) == 7
+    assert len(figures) == 2
 
 
 def test_a_million_returns_take_less_than_a_second_of_the_processor():

@@ -163,13 +163,13 @@ def test_strays_are_told_from_ground_under_plants_and_walls():
 def test_classes_that_contradict_themselves():
     progress = Progress()
     ground = meadow()
-    warn_of_classes(Path("a.laz"), ground, progress)
+    warn_of_classes(Path("a.laz"), ground, progress.warning)
     steep = ground @ np.array([[1, 0, 0], [0, 1, 0], [0, 1.7, 1]]).T
-    warn_of_classes(Path("a.laz"), steep, progress)
+    warn_of_classes(Path("a.laz"), steep, progress.warning)
     assert progress.warnings == []
     mixed = ground.copy()
     mixed[np.random.default_rng(6).random(len(mixed)) < 0.1, 2] += 0.6
-    warn_of_classes(Path("a.laz"), mixed, progress)
+    warn_of_classes(Path("a.laz"), mixed, progress.warning)
     (said,) = progress.warnings
     assert said.startswith(
         f"{100 * contradicting_share(mixed):.0f} % of the points of class 2 of 'a.laz' lie more than 0.3 m"
@@ -178,7 +178,7 @@ def test_classes_that_contradict_themselves():
     with pytest.raises(
         InputError, match=r"\d+ % of the points of class 2 of 'a.laz' .* no surface; extract its ground"
     ):
-        warn_of_classes(Path("a.laz"), mixed, progress)
+        warn_of_classes(Path("a.laz"), mixed, progress.warning)
 
 
 def test_the_extraction_says_what_it_doubts(tmp_path):

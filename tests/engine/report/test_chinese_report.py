@@ -85,10 +85,7 @@ def test_a_sentence_with_lists_and_a_day_before_it_is_known_as_a_whole():
         "采用0.2 m的单元可比较其中的大部分。"
     )
     covered = (
-        "2024-05-01: Ground: 36 % of the returns; grass and low plants cover 37 % of the slope, 42 % of the returns "
-        "there are ground, expected error 0.0 cm; 3.2 % of the slope has no ground return."
+        "2024-05-01: Ground is 36 % of the points. Vegetation higher than 0.3 m covers 37 % of the slope. 3.2 % of the "
+        "slope has no ground return."
     )
-    assert say(covered) == (
-        "2024-05-01：地面：占回波的36 %；草和低矮植被覆盖边坡的37 %，该处回波中42 %为地面，预期误差0.0 cm；"
-        "边坡的3.2 %没有地面回波。"
-    )
+    assert say(covered) == ("2024-05-01：地面：占点的36 %。高于0.3 m的植被覆盖边坡的37 %。边坡的3.2 %没有地面回波。")
