@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
+from scipy import ndimage, sparse
 from scipy.sparse.linalg import splu
 
 from ..core.arrays import Bool, Float, Index
@@ -49,12 +49,13 @@ class JointMotion:
         points alone, m²; (surveys,) each, 0 for the first.
 
         What a survey's motion differs from the joint one is fitted to its own points and those of the first survey,
-        smooth like that. The variance is that of this fit, so that it grows where points are few.
+        smooth like that. The variance is that of this fit, so that it grows where points are few, and that of an edge.
         """
         rows, columns = (between(length, self.multiple) for length in self.motion.shape)
         whole = np.zeros((len(rows), len(columns)))
         whole[: inside.shape[0], : inside.shape[1]] = inside / inside.sum()
         mean_of = (rows.T @ whole @ columns).ravel()
+        edge = self._beyond_edge(rows @ self.motion @ columns.T, whole)
         joint, nothing = self.motion.ravel(), np.zeros(self.motion.size)
         means, variances = np.zeros((2, len(self._sums)))
         for number, (own, scale) in enumerate(zip(self._sums[1:], self._scales[1:], strict=True), 1):
@@ -64,8 +65,20 @@ class JointMotion:
             apart = factors.solve(np.concatenate(right))[joint.size :]
             means[number] = float(mean_of @ (scale * joint + apart))
             answer = factors.solve(np.concatenate([nothing, mean_of]))[joint.size :]
-            variances[number] = self.variance * float(mean_of @ answer)
+            variances[number] = self.variance * float(mean_of @ answer) + (scale * edge) ** 2
         return means, variances
+
+    def _beyond_edge(self, motion: Float, mean_of: Float) -> float:
+        """What the motion of cells overshoots at an edge, as a mean over the ground, m.
+
+        Least squares make linear pieces overshoot within a step and undershoot beyond it (Gibbs phenomenon). The mean
+        of the ground leaves out what lies beyond: motion of the other sign, up to the next corner.
+        """
+        inside = mean_of > 0
+        around = np.ones((3, 3), dtype=bool)
+        ring = ndimage.binary_dilation(inside, around, iterations=self.multiple) & ~inside
+        sign = np.sign(float(np.sum(mean_of * motion)))
+        return float(np.minimum(sign * motion[ring], 0.0).sum()) / np.count_nonzero(inside)
 
 
 def joint_motion(sums: Sequence[Float], scales: Sequence[float], own: Bool, side: float) -> JointMotion:

@@ -117,3 +117,13 @@ def test_large_windows_are_fitted_in_larger_cells():
     assert (found.multiple, found.motion.shape) == (2, (24, 23))
     inside = outlined(found.motion, 2, own, np.ones(grid.shape, dtype=bool))
     assert inside.sum() * 0.04 == pytest.approx(SHAPES[cone], rel=0.1)
+
+
+def test_intervals_hold_where_the_ground_ends_at_a_high_edge():
+    times, deviations = np.array(TIMES), []
+    for seed in range(6):
+        found = joint_motion(surveys(block, 60 + seed, 100.0, 4 * times), TIMES, cells_of(block, 0.4), SIDE)
+        inside = outlined(found.motion, found.multiple, cells_of(block, 0.4), np.ones(GRID.shape, dtype=bool))
+        mean, variance = found.of_surveys(inside)
+        deviations += ((mean - 4 * times * mean_of(block, inside))[1:] / variance[1:] ** 0.5).tolist()
+    assert np.mean(np.abs(deviations) < 1.96) >= 0.8, "beyond a step the fit undershoots"
