@@ -54,13 +54,13 @@ def test_nine_tenths_of_sparse_ground_are_compared_and_the_rest_is_stated(runs):
             assert float(row["compared_m2"]) == pytest.approx(
                 raster.read_masks(1).astype(bool).sum() * raster.res[0] ** 2
             )
-        whole = sum(float(row[name]) for name in row if name.endswith("_m2"))
+        whole = sum(float(row[f"{part}_m2"]) for part in ("compared", "only_first", "only_this", "too_few_points"))
         assert float(row["compared_share"]) == pytest.approx(float(row["compared_m2"]) / whole, abs=1e-3)
     assert rows[:2] == before  # a further survey changes nothing of the earlier ones
     assert record["metrics"]["least_compared_share"] == pytest.approx(
         min(float(r["compared_share"]) for r in rows), abs=1e-3
     )
-    assert '<h2 id="coverage">Ground compared</h2>' in (out / "report.html").read_text()
+    assert '<h2 id="coverage">What each survey saw</h2>' in (out / "report.html").read_text()
 
 
 def test_a_further_survey_computes_only_itself_and_changes_no_comparison(runs):
