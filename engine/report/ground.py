@@ -63,7 +63,7 @@ def ground_section(record: Mapping[str, Any], folder: Path) -> dict[str, Any] | 
 
 def _given(record: Mapping[str, Any]) -> str:
     """Which points of raw surveys were taken as ground: class_2 or as_is; empty where it was extracted."""
-    ground = record["parameters"].get("ground", {}).get("ground")
+    ground = record.get("parameters", {}).get("ground", {}).get("ground")
     return ground if ground in ("class_2", "as_is") else ""
 
 

@@ -12,7 +12,7 @@ from slopewatch.interface.language import translator
 ENGLISH, CHINESE = translator("en"), translator("zh_CN")
 WITHDRAWN = {
     "alert_level": 0, "alert": "no confirmed change", "alert_state": "withdrawn", "alert_since": "2024-09-28",
-    "alert_reason": "level 2 withdrawn: no motion since 2 surveys or more", "action": "Next survey as planned",
+    "alert_reason": "level 2 withdrawn: no motion seen for 2 surveys or more", "action": "Next survey as planned",
 }  # fmt: skip
 
 
@@ -37,8 +37,8 @@ def test_chinese_readers_get_level_state_and_reason_in_chinese() -> None:
     found = alert_state(WITHDRAWN)
     assert found is not None
     assert found.words(CHINESE) == "0 无已确认变化，2024-09-28撤销"
-    assert found.reason_words(CHINESE) == "2级已撤销：至少2次测量以来无移动"
-    assert found.reason_words(ENGLISH) == "Level 2 withdrawn: no motion since 2 surveys or more"
+    assert found.reason_words(CHINESE) == "2级已撤销：至少2次测量未见移动"
+    assert found.reason_words(ENGLISH) == "Level 2 withdrawn: no motion seen for 2 surveys or more"
 
 
 @pytest.mark.parametrize("level", [None, float("nan"), "", "none", True, "nan"])

@@ -15,7 +15,8 @@ from slopewatch.plugin.panel.dock import SlopeWatchPanel
 from slopewatch.tests.builders.qgis import engine_python
 from slopewatch.tests.plugin.panel.test_zones import table
 
-STATE, REASON = "0 no confirmed change, withdrawn on 2024-08-29", "level 2 withdrawn: no motion since 2 surveys or more"
+STATE = "0 no confirmed change, withdrawn on 2024-08-29"
+REASON = "level 2 withdrawn: no motion seen for 2 surveys or more"
 
 
 @pytest.fixture(scope="module")
