@@ -64,9 +64,18 @@ def part_folder(directory: Path, record: str) -> Iterator[Path]:
         _of_this_process.discard(folder)
         os.close(descriptor)  # before the file goes: on Windows nothing that is open can be removed
         if not _is_held(folder):
-            owner.unlink(missing_ok=True)
+            _remove(owner)
         with contextlib.suppress(OSError):  # outputs are in it, or it is gone
             folder.rmdir()
+
+
+def _remove(owner: Path) -> None:
+    """Remove a file, unless others keep it open (Windows): then the next run removes it."""
+    for _ in range(_ROUNDS):
+        with contextlib.suppress(PermissionError):
+            owner.unlink(missing_ok=True)
+            return
+        time.sleep(_WAIT_S)  # another run looks whether this one lives
 
 
 def _claimed(descriptor: int) -> bool:
