@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date
 from typing import Any
 
@@ -158,18 +158,7 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
         x, colour = np.asarray(date2num(at)), f"C{number}"
         axes.fill_between(x, middle - half, middle + half, color=colour, alpha=0.2, lw=0)
         axes.plot(x, middle, color=colour, lw=1.1, marker="o", ms=3, label=name.replace("$", r"\$"))
-    axes.axhline(0.0, color=_SOFT, lw=0.6)
-    for day in date2num(days):
-        axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
-    first, last = date2num([days[0], days[-1]])
-    axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
-    date_axis(axes.xaxis, max_ticks=8)
-    finish(axes, "", "mean change (m)")
-    axes.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
-    axes.legend(
-        loc="lower left", frameon=False, ncols=len(names), prop=fonts(SMALL), borderaxespad=0.0, handlelength=1.2,
-        columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
-    )  # fmt: skip
+    _finish_course(axes, days, "mean change (m)", len(names))
     ends = "; ".join(
         f"{name} changed by {fixed(row['dz_mean_m'], 3, sign=True)} m"
         for name in names
@@ -180,6 +169,22 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
         f"Mean change of {len(names)} zones against the first survey on {len(days)} days, with 95 % bands; at the "
         f"end: {ends}",
     )
+
+
+def _finish_course(axes: Axes, days: Sequence[date], words: str, curves: int) -> None:
+    """Zero, the surveys' days, and the names of the curves above them."""
+    axes.axhline(0.0, color=_SOFT, lw=0.6)
+    for day in date2num(days):
+        axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
+    first, last = date2num([days[0], days[-1]])
+    axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
+    date_axis(axes.xaxis, max_ticks=8)
+    finish(axes, "", words)
+    axes.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
+    axes.legend(
+        loc="lower left", frameon=False, ncols=curves, prop=fonts(SMALL), borderaxespad=0.0, handlelength=1.2,
+        columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
+    )  # fmt: skip
 
 
 def motion_chart(record: Mapping[str, Any]) -> Picture | None:
@@ -204,18 +209,7 @@ def motion_chart(record: Mapping[str, Any]) -> Picture | None:
             x, middle, yerr=half, color=f"C{numbers.index(zone['zone_id']) % 10}", lw=1.1, marker="o", ms=3.5,
             capsize=2.5, elinewidth=0.9, label=zone["zone_id"].replace("$", r"\$"),
         )  # fmt: skip
-    axes.axhline(0.0, color=_SOFT, lw=0.6)
-    for day in date2num(days):
-        axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
-    first, last = date2num([days[0], days[-1]])
-    axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
-    date_axis(axes.xaxis, max_ticks=8)
-    finish(axes, "", "motion along the surface (m)")
-    axes.legend(
-        loc="lower left", frameon=False, ncols=len(drawn), prop=fonts(SMALL), borderaxespad=0.0, handlelength=1.2,
-        columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
-    )  # fmt: skip
-    axes.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
+    _finish_course(axes, days, "motion along the surface (m)", len(drawn))
     ends = "; ".join(
         f"{zone['zone_id']} moved by {fixed(row['motion_m'], 3, sign=True)} m"
         for zone in drawn

@@ -55,11 +55,6 @@ def zone_rows(layer: QgsVectorLayer) -> list[ZoneRow]:
     return [_row(feature, set(layer.fields().names())) for feature in layer.getFeatures()]
 
 
-def in_state(rows: Iterable[ZoneRow], state: str) -> list[ZoneRow]:
-    """Those of a state; all where it is empty."""
-    return [row for row in rows if not state or row.state == state]
-
-
 def counts(rows: Iterable[ZoneRow]) -> dict[str, int]:
     """How many zones have each state."""
     states = [row.state for row in rows]
