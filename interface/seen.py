@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Tuple
-
 OUTSIDE, COMPARED, NOT_IN_FIRST, NOT_IN_LATER, NOT_IN_BOTH, TOO_FEW, EXCLUDED = range(7)
 """Values of the cells. Every cell has one; the raster (Uint8) has no cell without a value."""
 NODATA = 255
-NOT_SEEN: Tuple[int, ...] = (NOT_IN_FIRST, NOT_IN_LATER, NOT_IN_BOTH, TOO_FEW, EXCLUDED)
+NOT_SEEN: tuple[int, ...] = (NOT_IN_FIRST, NOT_IN_LATER, NOT_IN_BOTH, TOO_FEW, EXCLUDED)
 """Classes of the slope that were not compared."""
 REACH_M = 1.0
 """A cell sees a survey's ground within the cell itself or within this distance of its centre, m."""
