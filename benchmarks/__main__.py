@@ -32,6 +32,7 @@ NAMES = {
     "movement": "What zones did: slid, sank, bulged, lost or gained material",
     "calibration": "Calibration of the level of detection",
     "strips": "Two airborne strips without change",
+    "changes_in_strips": "Changes put into raw strips of forests and slopes",
     "bumps": "Thirty bumps and hollows in real airborne strips",
     "adaptive": "Cells that grow",
     "volumes": "Volumes",
