@@ -21,6 +21,7 @@ import numpy as np
 import pyproj
 import rasterio
 import shapely
+from numpy.typing import NDArray
 from rasterio.features import rasterize
 
 from ..engine.core.arrays import Bool, Float
@@ -48,8 +49,8 @@ class Survey:
 
     xyz: Float
     ground: Bool
-    number: Float
-    total: Float
+    number: NDArray[np.uint8]
+    total: NDArray[np.uint8]
 
     def changed(self, patches: Sequence[Patch]) -> Survey:
         rise = total_rise(patches, self.xyz)

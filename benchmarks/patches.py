@@ -50,7 +50,8 @@ def placed(
     found: list[Patch] = []
     for height, radius in sizes:
         for _ in range(TRIALS):
-            patch = Patch(*(float(v) for v in random.uniform(low + radius, high - radius)), radius, height)
+            east, north = random.uniform(low + radius, high - radius)
+            patch = Patch(float(east), float(north), radius, height)
             apart = all(np.hypot(p.east - patch.east, p.north - patch.north) > p.radius + radius + gap for p in found)
             seen = (np.count_nonzero(patch.away(ground) <= radius / 2) >= MIN_GROUND_POINTS for ground in grounds)
             if apart and all(seen):

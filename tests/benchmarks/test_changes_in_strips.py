@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import rasterio
 import shapely
-
 from slopewatch.benchmarks.changes_in_strips import _found, _zones_sign
 from slopewatch.benchmarks.patches import Patch, placed, total_rise
 
