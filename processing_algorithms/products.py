@@ -73,6 +73,15 @@ CHANGE_PRODUCTS = (
         layer="footprints",
     ),
     Product(
+        "OBJECTS",
+        "objects",
+        "Objects above the ground",
+        "Polygons of boulders, walls, vehicles, heaps and vegetation that appeared or vanished; written only for "
+        "clouds that have all their returns.",
+        Appearance(52),
+        layer="objects",
+    ),
+    Product(
         "SIGNIFICANT_CHANGE",
         "significant_change",
         "Significant change (m)",

@@ -205,6 +205,7 @@ WORDS = (
     "right",
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
     "earlier", "first", "ground", "heights", "lowered", "raised", "incremental", "inspect",
+    "boulder", "wall", "vegetation", "appeared", "vanished",
     "sliding", "sank", "bulged", "slid", "lost", "gained", "undecided",
     "acknowledged", "closed", "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",

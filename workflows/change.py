@@ -29,6 +29,7 @@ from .layers import layers_on_cloud
 from .movement import Surveys, moved_zones_of
 from .pair import SPOOL, Cloud, compare_pair, dated_pair, ground_of, ground_on_disk, is_large, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
+from .products.objects import Classified, write_objects
 from .run import Run
 from .settings import Settings, groups
 
@@ -90,6 +91,8 @@ def change_step(
         with run.step("products", 0.5, 0.99, "writing outputs"):
             write_products(run, change, picture, context, settings, lines, zones)
         del picture, change  # the report reads the files
+        if settings.surface.ground == "class_2":
+            write_objects(run, Classified(reference, moving, registered.to_apply, settings.inputs), context)
         run.outputs["run"] = run.record_path
         run.facts["run_id"] = context.run_id
         run.finish_reviews()

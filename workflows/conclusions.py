@@ -74,6 +74,7 @@ def _change(f: Figures) -> list[str]:
             percent(f, "compared_share"), measured(f, "lod_median_m", "m"),
         ),
         _slid(f),
+        _objects(f),
         _moved(f),
         _biased(f),
         _confirmed(f),
@@ -104,6 +105,14 @@ def _slid(f: Figures) -> str:
         return f"No zone was found to have slid along the surface; {rest}."
     most = measured(f, "largest_slide_m", "m", error="largest_slide_err_m", sign=False)
     return f"Of the zones, {number(count)} slid along the surface, by up to {most}; {rest}."
+
+
+def _objects(f: Figures) -> str:
+    """What appeared or vanished above the ground, if all returns were compared."""
+    new, gone = f.get("objects_appeared"), f.get("objects_vanished")
+    if not new and not gone:
+        return ""
+    return f"Boulders, walls, vehicles and heaps above the ground: {number(new)} appeared, {number(gone)} vanished."
 
 
 def _confirmed(f: Figures) -> str:

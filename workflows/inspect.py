@@ -55,6 +55,7 @@ from .pair import (
 )
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .products.displacement import DISPLACEMENT_OUTPUTS
+from .products.objects import Classified, write_objects
 from .run import Run
 from .settings import Settings, groups
 
@@ -296,6 +297,7 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
             write_motion(run, motion, settings.displacement, context)
         if found is not None:
             write_epoch_screening(run, found, picture, task.epochs[1], task.hashes[1], settings.screening)
+    write_objects(run, Classified(grounds[0].classified, grounds[1].classified, registration.transform), context)
 
 
 def _context(task: _Inspection, change: Change, registration: RegistrationResult, crs: CRS) -> Context:

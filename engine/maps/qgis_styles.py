@@ -12,6 +12,9 @@ import numpy as np
 
 from ..core.staged_outputs import atomic_output
 from ..core.templates import render
+from ..objects.kinds import BOULDER, HEAP, UNKNOWN, VEGETATION, WALL
+from ..objects.table import APPEARED, VANISHED
+from ..objects.table import FIELDS as OBJECT_FIELDS
 from ..series.alerts import AlertLevel
 from ..series.tables import SERIES_FIELDS, ZONE_FIELDS
 from ..vector.review_fields import LOCATION_FIELDS, PLACE_FIELDS, REVIEW_FIELDS, STATES
@@ -44,6 +47,14 @@ _ATTENTION: tuple[Colour, ...] = (
 """Colours of a corridor's zones by their attention, 0 to 4 and more."""
 _GROUND: Colour = (190, 186, 178)
 """Of points that are no hazard."""
+_OBJECT_LOOKS: tuple[tuple[str, Colour, int, Colour, float], ...] = (
+    (BOULDER, (230, 120, 20), 120, (150, 70, 0), 0.6),
+    (WALL, (120, 120, 120), 120, (60, 60, 60), 0.6),
+    (HEAP, (200, 170, 40), 120, (120, 95, 0), 0.6),
+    (UNKNOWN, (190, 186, 178), 60, (110, 110, 110), 0.3),
+    (VEGETATION, (120, 180, 110), 40, (90, 140, 80), 0.2),
+)
+"""Of objects by kind: fill, opacity, colour and width (mm) of the line."""
 _STATES = ("lowered", "raised", "below its level", "not measured")
 
 
@@ -163,6 +174,17 @@ def footprints_qml() -> str:
     words = f"Footprint of the volume, {SLIDING}"
     categories.append(_category(SLIDING, words, SLIDING_TINTS[2], 45, SLIDING_LINE, 0.4))
     return _polygons_qml("footprints", _fields(FOOTPRINT_FIELDS), categories)
+
+
+def objects_qml() -> str:
+    """Style of what appeared (full outline) or vanished (dashed) above the ground, by kind, with labels and map tip."""
+    categories = [
+        _category(f"{kind}, {change}", f"{kind.capitalize()}, {change}", fill, alpha if new else 0, line, width)
+        | {"dash": "solid" if new else "dash"}
+        for kind, fill, alpha, line, width in _OBJECT_LOOKS
+        for new, change in ((True, APPEARED), (False, VANISHED))
+    ]
+    return _polygons_qml("objects", _fields(OBJECT_FIELDS, "objects"), categories)
 
 
 def series_zones_qml(alerts: Iterable[AlertLevel], *, located: bool = False) -> str:

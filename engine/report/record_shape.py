@@ -66,6 +66,13 @@ RECORD = fields(
 """Of every command that has a report."""
 
 _PROFILE = fields({"name": text(), "length_m": _POSITIVE, "dz_min_m": maybe(_NUMBER), "dz_max_m": maybe(_NUMBER)})
+_OBJECT = fields(
+    {
+        **dict.fromkeys(("object_id", "kind", "change", "zone_id"), text()),
+        **dict.fromkeys(("height_m", "length_m", "width_m", "volume_m3", "n_points", "confidence"), _SHARE_OR_MORE),
+        **dict.fromkeys(("deposit", "x", "y"), _NUMBER),
+    }
+)
 _CLASSES = rows(fields({"class": text(), "vol_net_m3": _NUMBER}), most=2000)
 _VOLUME = fields({"group": text(), "quantity": text(), "unit": text()})
 _COREGISTRATION = fields(
@@ -110,6 +117,7 @@ _CHANGE = fields(
         "season": maybe(_SENTENCES),
         "uniform_dz_m": maybe(_NUMBER),
         "zones": maybe(rows(fields({"zone_id": text()}, {"kind": text(), "severity": text()}))),
+        "objects": rows(_OBJECT),
         "profiles": maybe(rows(_PROFILE)),
         "volumes": maybe(fields({"rows": rows(_VOLUME), "error_model": fields({"model": text()})})),
         "coregistration": maybe(rows(_COREGISTRATION)),

@@ -71,6 +71,7 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("series_zones", "zones"): ("Zones and alert levels", ZONES, True),
     ("series_zones", "series"): ("Zones survey by survey", ZONES, False),
     ("zones", "zones"): ("Hazard zones", ZONES, True),
+    ("objects", "objects"): ("Objects above the ground", ZONES, True),
     ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
     ("classes", "budget_by_class"): ("Change by class of asset", ZONES, False),

@@ -13,6 +13,7 @@ import pytest
 from slopewatch.benchmarks.__main__ import COMMANDS as BENCHMARKS_WITH_OPTIONS
 from slopewatch.benchmarks.__main__ import NAMES
 from slopewatch.cli.program import cli
+from slopewatch.engine.objects import table as objects
 from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
 from slopewatch.engine.zones import confirmation, fields
 from slopewatch.models.screening import zones as screened_zones
@@ -220,8 +221,8 @@ def test_words_of_the_glossary(path):
 
 @pytest.mark.parametrize(
     "columns",
-    [fields.FIELDS, screened_zones.FIELDS, confirmation.FIELDS, ZONE_FIELDS, SERIES_FIELDS],
-    ids=["zones", "screened zones", "confirmation", "zones of a series", "series"],
+    [fields.FIELDS, screened_zones.FIELDS, confirmation.FIELDS, ZONE_FIELDS, SERIES_FIELDS, objects.FIELDS],
+    ids=["zones", "screened zones", "confirmation", "zones of a series", "series", "objects"],
 )
 def test_the_guide_explains_every_column(columns):
     guide = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")

@@ -22,6 +22,7 @@ from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.grid.partition import Partition
+from slopewatch.engine.objects.table import FIELDS as OBJECT_FIELDS
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.zones.confirmation import VERDICTS, verdict, weigh
 from slopewatch.interface.parameters import (
@@ -70,6 +71,17 @@ def test_every_promised_output_exists_and_nothing_else_lies_about(run):
         assert (out / name).stat().st_size > 0, name
     assert all(path.exists() for path in outputs.values())
     assert not [p for p in out.rglob("*") if ".part" in p.name or p.name.startswith(".")]
+
+
+def test_objects_are_compared_above_the_ground_and_none_but_plants_changed(run):
+    """The later survey of the simulated slope has other ground, and no other object."""
+    out, outputs, metrics = run
+    frame = geopandas.read_file(out / "objects.gpkg", layer="objects")
+    assert [name for name in frame.columns if name != "geometry"] == list(OBJECT_FIELDS)
+    assert outputs["objects"] == out / "objects.gpkg"
+    assert not set(frame["kind"]) - {"vegetation", "unknown"}
+    assert metrics["objects_appeared"] == metrics["objects_vanished"] == 0
+    assert 'id="objects"' in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_motion_along_the_surface_that_is_switched_off_leaves_no_trace(run):

@@ -56,9 +56,10 @@ CHANGE_OUTPUTS = (
     "report.html",
 )
 ON_REQUEST = (
-    "cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif", "report.pdf", *CLASS_OUTPUTS,
+    "cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif", "objects.gpkg", "report.pdf",
+    *CLASS_OUTPUTS,
 )  # fmt: skip
-"""Outputs of a change with some parameters or layers only, or of ground that records plants."""
+"""Outputs of a change with some parameters or layers only, of ground that records plants, or of raw clouds."""
 
 
 @dataclass(frozen=True)

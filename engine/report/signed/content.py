@@ -45,6 +45,7 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
         of = Zones(source.zones, surface, layers, source.reviews, source.ends, source.record, source.events)
         document.blocks += zone_sheets(document, of)
         document.blocks += parts.more_zones(source)
+        document.blocks += parts.objects_above(source)
     document.blocks += screened_sheets(document, source)
     if surface is not None:
         document.blocks += _along_lines(document, surface, lines, source.ends)

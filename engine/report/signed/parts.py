@@ -32,6 +32,7 @@ _MOST_ROWS = 60
 _SIGNATURES_MM, _LINES_MM = 50.0, 30.0  # at least, of the fields for signatures, and of lines with their heading
 _MOST_DAYS = 6
 _ZONE_FIGURES = (("Mean change (m)", 15.0), ("Area (m²)", 13.5), ("Net volume (m³)", 23.0))
+_OBJECT_FIGURES = (("height_m", 2), ("length_m", 1), ("width_m", 1), ("volume_m3", 2))
 _RATE_MM = 25.0
 """Columns of the table of zones, with their millimetres."""
 _PICTURE_MM = 100.0
@@ -152,6 +153,29 @@ def more_zones(source: Source) -> list[Block]:
             blocks.paragraph(say(f"The other {rest} zones are in the table of zones of the folder."), small=True)
         )
     return made + _other_reviews(source.zones.iloc[MOST_SHEETS:], source.reviews)
+
+
+def objects_above(source: Source) -> list[Block]:
+    """What appeared or vanished above the ground, vegetation aside."""
+    objects = source.record.get("objects") or []
+    if not objects:
+        return []
+    names = ("Object", "Kind", "Change", "Height (m)", "Length (m)", "Width (m)", "Volume (m³)", "Zone", "Place (x, y)")
+    columns = [Column(say(name), left=name in ("Object", "Kind", "Change")) for name in names]
+    rows: list[list[Cell]] = [
+        [
+            row["object_id"],
+            say(row["kind"]),
+            say(row["change"]),
+            *(figure(row, name, digits=digits) for name, digits in _OBJECT_FIGURES),
+            row["zone_id"] or "–",
+            f"{row['x']:.1f}, {row['y']:.1f}",
+        ]
+        for row in objects[:_MOST_ROWS]
+    ]
+    note = say("An object in a zone names it: the zone’s volume holds it already. New boulders and heaps are deposits.")
+    made = [blocks.heading(say("Objects above the ground")), blocks.table(columns, rows, size=7.0)]
+    return [*made, blocks.paragraph(note, small=True)]
 
 
 def _other_reviews(zones: gpd.GeoDataFrame, reviews: Mapping[str, Review]) -> list[Block]:
