@@ -17,7 +17,7 @@ from .base import SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES
 from .values import Values
 
-_NOT_OF_MODELS = ("CHANGE_PROBABILITY", "CELL_SIZE", "PLANT_ERROR", "PLANT_CHANGE", "POINT_COUNTS")
+_NOT_OF_MODELS = ("CHANGE_PROBABILITY", "CELL_SIZE", "PLANT_ERROR", "PLANT_CHANGE", "POINT_COUNTS", "OBJECTS")
 _PRODUCTS = (
     *(product for product in products.CHANGE_PRODUCTS if product.name not in _NOT_OF_MODELS),
     products.Product(

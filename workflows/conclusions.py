@@ -109,8 +109,8 @@ def _slid(f: Figures) -> str:
 
 def _objects(f: Figures) -> str:
     """What appeared or vanished above the ground, if all returns were compared."""
-    new, gone = f.get("objects_appeared"), f.get("objects_vanished")
-    if not new and not gone:
+    new, gone = f.get("objects_appeared") or 0, f.get("objects_vanished") or 0
+    if not new + gone:
         return ""
     return f"Boulders, walls, vehicles and heaps above the ground: {number(new)} appeared, {number(gone)} vanished."
 

@@ -79,6 +79,10 @@ outputs["classes"] = os.path.join(folder, "budget_by_class.gpkg")
 data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["classes"])
 data.CreateLayer("budget_by_class", srs, ogr.wkbPolygon)
 data = None
+outputs["objects"] = os.path.join(folder, "objects.gpkg")
+data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["objects"])
+data.CreateLayer("objects", srs, ogr.wkbPolygon)
+data = None
 import sqlite3
 database = sqlite3.connect(outputs["zones"])
 columns = ("f_table_catalog", "f_table_schema", "f_table_name", "f_geometry_column", "styleName", "styleQML",
@@ -213,6 +217,7 @@ class TestLoading:
         load(context, parameters, feedback)
         group = project.layerTreeRoot().findGroup("SlopeWatch 2024-05-01 to 2025-05-01")
         assert [(node.name(), node.itemVisibilityChecked()) for node in group.findLayers()] == [
+            ("Objects above the ground", True),
             ("Hazard zones", True),
             ("Change by class of asset", False),
             ("Footprints of the volumes", False),

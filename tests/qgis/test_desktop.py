@@ -73,10 +73,11 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     assert set(loaded) & MOTION_LAYERS in (MOTION_LAYERS, {"Smallest motion that can be told (m)"})
     layers = {name: layer for name, layer in loaded.items() if name not in MOTION_LAYERS}
     assert list(layers) == [
-        "Hazard zones", "Screened zones", "Footprints of the volumes", "Significant change (m)", "Elevation change (m)",
-        "Top view", "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
+        "Objects above the ground", "Hazard zones", "Screened zones", "Footprints of the volumes",
+        "Significant change (m)", "Elevation change (m)", "Top view", "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
     ]  # fmt: skip
     assert {name: layer["renderer"] for name, layer in layers.items()} == {
+        "Objects above the ground": "categorizedSymbol",
         "Hazard zones": "categorizedSymbol",
         "Screened zones": "categorizedSymbol",
         "Footprints of the volumes": "categorizedSymbol",
@@ -87,7 +88,9 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
         "Ground heights, earlier survey (m)": "hillshade",
     }
     shown = {name for name, layer in layers.items() if layer["visible"]}
-    assert shown == {"Hazard zones", "Significant change (m)", "Top view"}, "what is within its error is not coloured"
+    assert shown == {"Objects above the ground", "Hazard zones", "Significant change (m)", "Top view"}, (
+        "what is within its error is not coloured"
+    )
     for layer in layers.values():
         assert layer["valid"]
         assert layer["group"] == "SlopeWatch 2024-05-01 to 2025-05-01"
