@@ -217,6 +217,7 @@ class TestLoading:
             ("Change by class of asset", False),
             ("Footprints of the volumes", False),
             ("Significant change (m)", True),
+            ("Seen and not seen", True),
             ("Elevation change (m)", False),
             ("Level of detection (m)", False),
             ("Probability of change", False),
