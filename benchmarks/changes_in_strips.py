@@ -188,7 +188,7 @@ def _runs(name: str, seeds: Sequence[int]) -> Iterator[tuple[list[Patch], Outcom
     crs = pair.crs if pair else SIMULATED_CRS
     grounds = [survey.xyz[survey.ground] for survey in (first, second) if survey.ground.any()]
     for seed in (0, *seeds):
-        patches = placed(SIZES, grounds, np.random.default_rng([seed, 33]), GAP_M) if seed else []
+        patches = placed(SIZES, grounds, np.random.default_rng([seed, 33]), GAP_M, slope) if seed else []
         with tempfile.TemporaryDirectory() as folder:
             paths = _written((first, second.changed(patches)), slope, crs, Path(folder))
             outcome = _outcome(paths, second, patches, slope.area)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from ..engine.core.arrays import Float
 
@@ -29,8 +30,8 @@ class Patch:
 
     def rise(self, xyz: Float) -> Float:
         """(n,) m by which points (n, 2+) are moved."""
-        share = np.minimum(self.away(xyz) / self.radius, 1.0)
-        return np.asarray(self.height * np.cos(0.5 * np.pi * share) ** 2)
+        share = self.away(xyz) / self.radius
+        return np.asarray(np.where(share < 1.0, self.height * np.cos(0.5 * np.pi * share) ** 2, 0.0))
 
 
 def total_rise(patches: Sequence[Patch], xyz: Float) -> Float:
@@ -39,22 +40,31 @@ def total_rise(patches: Sequence[Patch], xyz: Float) -> Float:
 
 
 def placed(
-    sizes: Sequence[tuple[float, float]], grounds: Sequence[Float], random: np.random.Generator, gap: float
+    sizes: Sequence[tuple[float, float]],
+    grounds: Sequence[Float],
+    random: np.random.Generator,
+    gap: float,
+    slope: shapely.Polygon | None = None,
 ) -> list[Patch]:
-    """Patches of (height, radius) ``sizes``, m, ``gap`` m apart, each with ground points of all ``grounds`` (n, 3).
+    """Patches of (height, radius) ``sizes``, m, within ``slope`` and ``gap`` m apart.
 
-    A patch for which ``TRIALS`` draws find no place is left out.
+    Each has ground points of all ``grounds`` (n, 3). A patch for which ``TRIALS`` draws find no place is left out.
+    Without a slope, it is the box that all grounds reach.
     """
-    low = np.max([ground[:, :2].min(axis=0) for ground in grounds], axis=0)
-    high = np.min([ground[:, :2].max(axis=0) for ground in grounds], axis=0)
+    if slope is None:
+        low = np.max([ground[:, :2].min(axis=0) for ground in grounds], axis=0)
+        high = np.min([ground[:, :2].max(axis=0) for ground in grounds], axis=0)
+        slope = shapely.box(*low, *high)
+    low, high = np.reshape(slope.bounds, (2, 2))
     found: list[Patch] = []
     for height, radius in sizes:
         for _ in range(TRIALS):
             east, north = random.uniform(low + radius, high - radius)
             patch = Patch(float(east), float(north), radius, height)
+            inside = slope.contains(shapely.Point(east, north).buffer(radius))
             apart = all(np.hypot(p.east - patch.east, p.north - patch.north) > p.radius + radius + gap for p in found)
             seen = (np.count_nonzero(patch.away(ground) <= radius / 2) >= MIN_GROUND_POINTS for ground in grounds)
-            if apart and all(seen):
+            if inside and apart and all(seen):
                 found.append(patch)
                 break
     return found

@@ -29,6 +29,19 @@ def test_patches_lie_apart_and_over_ground_of_both_surveys() -> None:
     assert apart[np.triu_indices(4, 1)].min() > 8.0
 
 
+def test_patches_lie_within_a_turned_slope() -> None:
+    random = np.random.default_rng(4)
+    ground = random.uniform(0, 40, (4000, 3))
+    slope = shapely.Polygon([(20, 0), (40, 20), (20, 40), (0, 20)])
+    patches = placed([(0.5, 2.0)] * 6, [ground], random, 1.0, slope)
+    assert len(patches) == 6
+    assert all(slope.contains(shapely.Point(patch.east, patch.north).buffer(1.9)) for patch in patches)
+
+
+def test_nothing_moves_beyond_a_patch() -> None:
+    assert Patch(0.0, 0.0, 2.0, 0.3).rise(np.array([[3.0, 0.0], [0.0, 2.0]])).tolist() == [0.0, 0.0]
+
+
 def test_only_a_zone_of_the_patchs_own_sign_over_half_of_its_middle_finds_it() -> None:
     transform = rasterio.transform.from_origin(0.0, 20.0, 0.5, 0.5)
     change = np.full((40, 40), -0.3)
