@@ -28,6 +28,7 @@ from ..engine.series.comparisons import GriddedEpoch
 from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
+from ..engine.vector.corrections import Corrections
 from ..interface.parameters import GridChangeParameters
 from .corrections import corrections_of, refuse_forced_ground
 from .early_memory import refuse_grid_early
@@ -129,12 +130,7 @@ def monitor_series(
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
     say_days(dates := _dates(epochs), run.progress)
-    corrections = corrections_of(layers.corrections, epochs, roi, settings.inputs, run.progress)
-    if corrections is not None:
-        refuse_forced_ground(corrections, settings.ground.ground)
-        run.facts["corrections"] = corrections.facts()
-    related = (settings.road, settings.assets)
-    run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
+    corrections = _given_layers(run, layers, epochs, settings, roi)
     refuse_grid_early([epochs[0].path], settings.inputs, held_whole(settings.change), roi)
     with run.writing(output_dir, report=True) as stage, cancellation.temporary(stage.folder / SPOOL) as spool:
         task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage, corrections)
@@ -165,6 +161,19 @@ def monitor_series(
         run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
         _say(run, earlier)
     return run.result()
+
+
+def _given_layers(
+    run: Run, layers: LayerFiles, epochs: tuple[Epoch, ...], settings: SeriesSettings, roi: Path | None
+) -> Corrections | None:
+    """Read what zones and change are related to, and the corrections by hand, which it returns."""
+    related = (settings.road, settings.assets)
+    run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
+    corrections = corrections_of(layers.corrections, epochs, roi, settings.inputs, run.progress)
+    if corrections is not None:
+        refuse_forced_ground(corrections, settings.ground.ground)
+        run.facts["corrections"] = corrections.facts()
+    return corrections
 
 
 def _method(parameters: GridChangeParameters) -> str:
