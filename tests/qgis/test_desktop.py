@@ -74,7 +74,8 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     layers = {name: layer for name, layer in loaded.items() if name not in MOTION_LAYERS}
     assert list(layers) == [
         "Objects above the ground", "Hazard zones", "Screened zones", "Footprints of the volumes",
-        "Significant change (m)", "Elevation change (m)", "Top view", "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
+        "Significant change (m)", "Elevation change (m)", "Top view", "Ground heights, later survey (m)",
+        "Ground heights, earlier survey (m)",
     ]  # fmt: skip
     assert {name: layer["renderer"] for name, layer in layers.items()} == {
         "Objects above the ground": "categorizedSymbol",
