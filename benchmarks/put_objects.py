@@ -65,6 +65,14 @@ class Thing:
     def reach(self) -> float:
         return float(np.hypot(self.shape.length, self.shape.width) / 2)
 
+    @property
+    def volume(self) -> float:
+        """m³ over the ground, by squares of 2 cm."""
+        step, reach = 0.02, self.reach
+        side = np.arange(-reach, reach, step) + step / 2
+        along, across = np.meshgrid(side, side)
+        return float(self.shape.top(along.ravel(), across.ravel()).sum() * step**2)
+
     def away(self, xyz: Float) -> Float:
         return np.asarray(np.hypot(xyz[:, 0] - self.middle[0], xyz[:, 1] - self.middle[1]))
 
