@@ -16,7 +16,8 @@ FOLDER = Path("/results")
 FILES = {"zones": FOLDER / "zones.gpkg", "report": FOLDER / "report.html", "run": FOLDER / "run.json"}
 CHANGE = {
     "zone_count": 2, "zone_area_m2": 33.568, "vol_loss_m3": 1.8741, "vol_loss_err_m3": 0.1656, "vol_gain_m3": 0.0,
-    "largest_sink_m": -0.3007, "largest_rise_m": 0.0, "compared_share": 0.8874, "lod_median_m": 0.02946,
+    "largest_sink_m": -0.3007, "largest_rise_m": 0.0, "compared_share": 0.8874, "not_in_later_share": 0.07, "too_few_share": 0.0426,
+    "lod_median_m": 0.02946,
 }  # fmt: skip
 MOVED = {
     "registration_method": "robust", "registration_dx_m": -0.0192, "registration_dy_m": -0.17,
@@ -38,10 +39,8 @@ def test_a_change_ends_with_what_was_found_where_it_lies_and_what_to_look_at() -
     assert said("change", CHANGE) == [
         "2 zones of significant change were found, 33.6 m² in all: 1.87 ± 0.17 m³ lost and 0 m³ gained.",
         "The largest lowering in a zone is 0.301 m, the largest raising 0 m.",
-        (
-            "89 % of the ground that the surveys reached was compared; change below the level of detection, 0.029 m in "
-            "the median, cannot be distinguished from none."
-        ),
+        "89 % of the slope was compared; 7 % has no ground in the later survey.",
+        "Change below the level of detection, 0.029 m in the median, cannot be distinguished from none.",
         "3 files were written to /results.",
         "Look first at report.html and zones.gpkg.",
         "There were no warnings.",
