@@ -55,16 +55,16 @@ def test_an_inspection_also_says_how_the_survey_was_moved_and_what_its_shape_sho
     assert found[1] == (
         "2 zones of motion along the surface were found, 80 m² in all; the largest motion of one is 0.182 m."
     )
-    assert found[4].startswith("Of the zones, 1 slid along the surface, by up to 0.200 m; 1 sank")
-    assert found[5] == (
+    assert found[5].startswith("Of the zones, 1 slid along the surface, by up to 0.200 m; 1 sank")
+    assert found[6] == (
         "The later survey was moved by -0.019 m to the east, -0.170 m to the north and 12.500 m upwards to fit the "
         "earlier one, with a standard error of 0.003 m in height."
     )
-    assert found[6] == (
+    assert found[7] == (
         "On stable ground the later survey lay 0.101 m higher than the earlier one: a vertical bias between the "
         "campaigns, which the registration took off, and no change."
     )
-    assert found[7] == (
+    assert found[8] == (
         "By its shape, 3 zones of the last survey look raised or lowered; the change confirms 1 of them."
     )
     assert found[-1] == "2 warnings were given, which the run record keeps; read them first."
@@ -130,7 +130,7 @@ def test_one_is_one() -> None:
 
 def test_the_folder_is_that_of_the_record_wherever_else_a_file_was_wanted() -> None:
     outputs = {"map": Path("/tmp/map.png"), "ground": FOLDER / "clouds" / "ground.laz", **FILES}
-    assert said("change", CHANGE, outputs=outputs)[3] == "4 files were written to /results."
+    assert said("change", CHANGE, outputs=outputs)[4] == "4 files were written to /results."
 
 
 @pytest.mark.parametrize("command", [*EVERY, "a command of tomorrow"])
