@@ -216,6 +216,7 @@ class TestLoading:
             ("Hazard zones", True),
             ("Change by class of asset", False),
             ("Footprints of the volumes", False),
+            ("Unsure change", False),
             ("Significant change (m)", True),
             ("Elevation change (m)", False),
             ("Level of detection (m)", False),
