@@ -37,11 +37,11 @@ def reasons(zones: Zones) -> list[str]:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_faint_change_of_a_disc_is_found_though_only_some_of_its_cells_are_beyond_their_level(seed: int) -> None:
-    dz = noise(seed) + 1.6 * ERROR * INSIDE
+    dz = noise(seed) + 1.2 * ERROR * INSIDE
     beyond = (np.abs(dz) > 1.96 * ERROR)[INSIDE].mean()
-    assert 0.25 < beyond < 0.5
+    assert 0.15 < beyond < 0.35
     zones = found(dz)
-    assert (zones.labels[INSIDE] > 0).sum() > 0.5 * beyond * INSIDE.sum()
+    assert (zones.labels[INSIDE] > 0).sum() >= 10
     assert (zones.labels[~INSIDE] > 0).sum() < 5
 
 
