@@ -35,14 +35,15 @@ def reasons(zones: Zones) -> list[str]:
     return zones.unsure["reason"].tolist()
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_faint_change_of_a_disc_is_found_though_only_some_of_its_cells_are_beyond_their_level(seed: int) -> None:
-    dz = noise(seed) + 1.2 * ERROR * INSIDE
-    beyond = (np.abs(dz) > 1.96 * ERROR)[INSIDE].mean()
-    assert 0.15 < beyond < 0.35
-    zones = found(dz)
-    assert (zones.labels[INSIDE] > 0).sum() >= 10
-    assert (zones.labels[~INSIDE] > 0).sum() < 5
+def test_a_group_in_wide_faint_change_is_a_zone_and_the_same_group_in_noise_is_none() -> None:
+    group = (ROW == 40) & (abs(COLUMN - 40) <= 3)
+    still = np.clip(noise(1), -1.8 * ERROR, 1.8 * ERROR)
+    for around, expected in ((1.4 * ERROR, 1), (0.0, 0)):
+        dz = np.where(group, 2.1 * ERROR, np.where(INSIDE, around + 0.3 * still, still))
+        zones = found(dz)
+        assert len(zones.frame) == expected
+        assert len(zones.unsure) == 1 - expected
+    assert reasons(zones) == ["chance"]
 
 
 def test_what_is_no_zone_has_its_mean_its_error_and_the_reason() -> None:
