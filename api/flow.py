@@ -34,6 +34,7 @@ def inspect(
     centreline: PathLike | None = None,
     field_names: PathLike | None = None,
     classes: PathLike | None = None,
+    corrections: PathLike | None = None,
     pdal: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -50,6 +51,8 @@ def inspect(
         Vector files: the managed slope, ground known to be stable, lines of profiles.
     centreline, classes : path, optional
         Vector files: the road's axis, along which zones are placed; polygons of classes of asset.
+    corrections : path, optional
+        Vector file whose polygons exclude areas, or force or forbid ground (field ``action``).
     field_names : path, optional
         JSON or CSV file with an agency's names of the centreline's fields.
     pdal : path, optional
@@ -77,7 +80,7 @@ def inspect(
         Path(output_dir),
         gathered(Settings, values.of),
         **paths(roi=roi, stable=stable, profiles=profiles, pdal=pdal),
-        layers=layers(centreline, field_names, classes),
+        layers=layers(centreline, field_names, classes, corrections),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )
@@ -93,6 +96,7 @@ def monitor(
     centreline: PathLike | None = None,
     field_names: PathLike | None = None,
     classes: PathLike | None = None,
+    corrections: PathLike | None = None,
     pdal: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -107,7 +111,7 @@ def monitor(
         Path(output_dir),
         gathered(SeriesSettings, values.of),
         **paths(roi=roi, stable=stable, alerts=alerts, pdal=pdal),
-        layers=layers(centreline, field_names, classes),
+        layers=layers(centreline, field_names, classes, corrections),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )
@@ -121,6 +125,7 @@ def batch(
     centreline: PathLike | None = None,
     field_names: PathLike | None = None,
     classes: PathLike | None = None,
+    corrections: PathLike | None = None,
     pdal: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -137,7 +142,7 @@ def batch(
     files = paths(alerts=alerts, pdal=pdal)
     common = Common(
         options, values.profile, **files, parameters=values.of(BatchParameters),
-        layers=layers(centreline, field_names, classes),
+        layers=layers(centreline, field_names, classes, corrections),
     )  # fmt: skip
     return run_batch(Given(Path(manifest), Path(output_dir), values.overwrite), common, progress or Progress())
 

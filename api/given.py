@@ -18,8 +18,14 @@ def paths(**paths: PathLike | None) -> dict[str, Any]:
     return {name: None if path is None else Path(path) for name, path in paths.items()}
 
 
-def layers(centreline: PathLike | None, field_names: PathLike | None, classes: PathLike | None = None) -> LayerFiles:
-    return LayerFiles(**paths(centreline=centreline, field_names=field_names, classes=classes))
+def layers(
+    centreline: PathLike | None,
+    field_names: PathLike | None,
+    classes: PathLike | None = None,
+    corrections: PathLike | None = None,
+) -> LayerFiles:
+    files = paths(centreline=centreline, field_names=field_names, classes=classes, corrections=corrections)
+    return LayerFiles(**files)
 
 
 def epochs(surveys: Mapping[str | date, PathLike] | Sequence[PathLike]) -> list[Epoch]:

@@ -17,7 +17,7 @@ from .options import OUTPUT_DIR, PATH, Session, command, path_option, related
 
 @click.command()
 @click.argument("manifest", type=PATH)
-@related()
+@related(corrections=True)
 @path_option("--alerts", "Alert table (CSV) for all series instead of the one that comes with SlopeWatch.")
 @OUTPUT_DIR
 @command(*command_sets.BATCH)
@@ -25,9 +25,9 @@ def batch(session: Session, manifest: Path, alerts: Path | None, output_dir: Pat
     """All slopes of a corridor, each in a process of its own: their results, and what they show together.
 
     MANIFEST is a CSV file with the columns slope, date, file and roi (optional: stable, alerts, centreline, classes,
-    profile, and settings by their names), a layer of polygons with slope, date and file, or a folder with one folder of
-    dated clouds a slope. One survey is screened, two are compared, more are a series. A slope that fails is a row of
-    the results; a batch that was stopped goes on where it was.
+    corrections, profile, and settings by their names), a layer of polygons with slope, date and file, or a folder with
+    one folder of dated clouds a slope. One survey is screened, two are compared, more are a series. A slope that fails
+    is a row of the results; a batch that was stopped goes on where it was.
     """
     from ..workflows.batch.corridor import run_batch
     from ..workflows.batch.corridor_plan import Given

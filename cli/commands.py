@@ -24,7 +24,7 @@ from .options import OUTPUT_DIR, PATH, PROFILES_ALONG, ROI, STABLE, Session, com
 @ROI
 @STABLE
 @PROFILES_ALONG
-@related()
+@related(corrections=True)
 @OUTPUT_DIR
 @command(*command_sets.INSPECT)
 def inspect(

@@ -51,17 +51,20 @@ PROFILES_ALONG = path_option("--profiles", "Vector file whose lines profiles are
 OUTPUT_DIR = path_option("--output-dir", "Folder for the outputs; created if missing.", required=True, metavar="DIR")
 
 
-def related(*, classes: bool = True) -> Callable[[Command], Command]:
-    """The options for ``LayerFiles``, which a command takes as ``**layers``; not all take classes of asset."""
+def related(*, classes: bool = True, corrections: bool = False) -> Callable[[Command], Command]:
+    """The options for ``LayerFiles``, which a command takes as ``**layers``; not all take each of them."""
 
     def decorate(function: Command) -> Command:
         texts = (
+            ("--corrections", "Vector file whose polygons exclude areas, or force or forbid ground (field action)."),
             ("--classes", "Vector file whose polygons are classes of asset; the change is summed up for each class."),
             ("--field-names", "JSON or CSV file with your names of the centreline's fields."),
             ("--centreline", "Vector file with the road's axis; zones get route, chainage, side and offset."),
         )
-        for name, text in texts[0 if classes else 1 :]:
-            function = path_option(name, text)(function)
+        left_out = {"--classes": not classes, "--corrections": not corrections}
+        for name, text in texts:
+            if not left_out.get(name):
+                function = path_option(name, text)(function)
         return function
 
     return decorate

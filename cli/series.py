@@ -28,7 +28,7 @@ from .options import OUTPUT_DIR, PATH, ROI, STABLE, Session, command, path_optio
     "Alert table (CSV) instead of the one that comes with SlopeWatch, of which alerts_used.csv in the outputs is a "
     "copy to start from.",
 )
-@related()
+@related(corrections=True)
 @OUTPUT_DIR
 @command(*command_sets.SERIES)
 def series(

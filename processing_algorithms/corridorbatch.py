@@ -107,6 +107,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
         )
         self.declare_groups()
         self.add(
+            declare.corrections_parameter(),
             declare.field_names_parameter(),
             declare.in_group(
                 declare.file_parameter(
@@ -130,7 +131,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
         if all(sources) or not any(sources):
             raise QgsProcessingException("Give either MANIFEST or INPUT, the folder of the slopes, not both.")
         alerts = values.file("ALERT_TABLE")
-        options = [*values.options(*declare.LAYERS), *(["--alerts", alerts] if alerts else [])]
+        options = [*values.options("CORRECTIONS", *declare.LAYERS), *(["--alerts", alerts] if alerts else [])]
         return ["batch", next(s for s in sources if s), *options, "--output-dir", values.output_folder()]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

@@ -242,6 +242,18 @@ def classes_parameter() -> QgsProcessingParameterDefinition:
     )
 
 
+def corrections_parameter() -> QgsProcessingParameterDefinition:
+    """A layer with corrections of the ground by hand."""
+    return polygon_parameter(
+        "CORRECTIONS",
+        "Ground: corrections by hand",
+        "Polygons with the field action: exclude leaves an area out of the comparison, ground takes the lowest returns "
+        "there, not_ground takes none. The panel draws them.",
+        advanced=True,
+        title="Ground",
+    )
+
+
 def survey_parameters(first: str, text: str, without: str = "") -> list[QgsProcessingParameterDefinition]:
     """Two clouds with their days.
 

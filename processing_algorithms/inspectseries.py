@@ -186,6 +186,7 @@ class InspectSeries(SlopeWatchAlgorithm):
             declare.polygon_parameter(
                 "STABLE", "Registration: stable ground", STABLE_HELP, advanced=True, title="Registration"
             ),
+            declare.corrections_parameter(),
             *declare.road_parameters(),
             declare.classes_parameter(),
             declare.in_group(
@@ -208,7 +209,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         sources = [values.file(name) for name in ("INPUT", "MANIFEST")]
         if all(sources) or not any(sources):
             raise QgsProcessingException("Give either INPUT, the folder of the surveys, or MANIFEST, not both.")
-        options = values.options("ROI", "STABLE", "ALERTS", *declare.LAYERS)
+        options = values.options("ROI", "STABLE", "ALERTS", "CORRECTIONS", *declare.LAYERS)
         return ["series", next(s for s in sources if s), *options, "--output-dir", values.output_folder()]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

@@ -77,6 +77,7 @@ class InspectSlope(SlopeWatchAlgorithm):
                 "STABLE", "Registration: stable ground", STABLE_HELP, advanced=True, title="Registration"
             ),
             declare.profiles_parameter(advanced=True),
+            declare.corrections_parameter(),
             *declare.road_parameters(),
             declare.classes_parameter(),
         )
@@ -97,7 +98,7 @@ class InspectSlope(SlopeWatchAlgorithm):
                 )
             self._days.append(day)
             epochs += ["--epoch", f"{day}={path}"]
-        options = values.options("ROI", "STABLE", "PROFILES", *declare.LAYERS)
+        options = values.options("ROI", "STABLE", "PROFILES", "CORRECTIONS", *declare.LAYERS)
         return ["inspect", *epochs, *options, "--output-dir", values.output_folder()]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from ..engine.epochs.comparability import refuse_other_raw_heights, require_comp
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.geometry.rigid_transform import RigidTransform
+from ..engine.ground.corrected_ground import corrected
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.result import GroundResult
 from ..engine.ground.tiles.memory import shared_memory
@@ -32,8 +33,10 @@ from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.registration.result import RegistrationResult
 from ..engine.report.compose import REPORT
+from ..engine.vector.corrections import Corrections
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
+from .corrections import corrections_of
 from .early_memory import refuse_grid_early
 from .ground_choice import check_ground
 from .inspect_motion import measured_motion, write_motion
@@ -78,6 +81,7 @@ class _Inspection:
     hashes: tuple[str, ...]
     roi: Path | None
     stable: Path | None
+    corrections: Corrections | None
     lines: tuple[ProfileLine, ...]
     program: Pdal
 
@@ -114,7 +118,7 @@ def inspect_slope(
         roi: vector file whose polygons bound the managed slope.
         stable: vector file whose polygons are known to be stable; only they register the epochs.
         profiles: vector file whose lines profiles are taken along.
-        layers: the road's centreline, and polygons of classes of asset.
+        layers: the road's centreline, polygons of classes of asset, and corrections by hand.
         pdal: the pdal program, if another than the one found.
         overwrite: replace results that the folder holds, and carry over what people entered in their zones.
 
@@ -141,7 +145,10 @@ def inspect_slope(
         raise InputError("--classes was given with one epoch; the change by class is between two, so give both.")
     related = (settings.road, settings.assets)
     run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
-    task = _Inspection(run, epochs, settings, hashes, roi, stable, lines, program)
+    corrections = corrections_of(layers.corrections, epochs, roi, settings.inputs, run.progress)
+    if corrections is not None:
+        run.facts["corrections"] = corrections.facts()
+    task = _Inspection(run, epochs, settings, hashes, roi, stable, corrections, lines, program)
     screened = _to_be_screened(task)
     with run.writing(output_dir, report=True):
         grounds = _grounds(task)
@@ -218,7 +225,7 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
     parameters = shared_memory(task.settings.ground, at_once)
 
     def ground(epoch: Epoch, share: Progress) -> GroundResult:
-        return extract_ground(
+        found = extract_ground(
             epoch.path,
             stage.path(f"clouds/{epoch.name}_ground.laz"),
             roi=task.roi,
@@ -228,6 +235,7 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
             final=stage.final("clouds"),
             progress=share,
         )
+        return found if task.corrections is None else corrected(found, task.corrections.of(epoch.date))
 
     with run.step("ground", 0.0, 0.6, "extracting the ground") as entry:
         shares = run.progress.split([e.name for e in task.epochs])
@@ -344,7 +352,7 @@ def _registered(task: _Inspection, first: Cloud, second: Cloud) -> RegistrationR
 def _difference(task: _Inspection, first: Cloud, moved: Cloud, registration: RegistrationResult) -> Change:
     with task.run.step("change", 0.79, 0.83, "differencing"):
         known = stable_area(task.stable, first.crs, task.run.progress)
-        areas = Areas(common_area(task.roi, first, registration.transform), known)
+        areas = Areas(common_area(task.roi, first, registration.transform, task.corrections), known)
         error = registration.registration_error
         return compare_pair(first, moved, task.settings.change, areas, error, task.run.progress)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 
@@ -14,17 +14,18 @@ class LayerFiles:
         centreline: the road's axis, along which zones are placed.
         field_names: JSON or CSV with an agency's names of our fields.
         classes: polygons of the classes of asset.
+        corrections: polygons that exclude areas, or force or forbid ground there.
     """
 
     centreline: Path | None = None
     field_names: Path | None = None
     classes: Path | None = None
+    corrections: Path | None = None
 
     @property
     def inputs(self) -> list[tuple[str, Path | None]]:
         """Role and path of each, for the record."""
-        given = {"centreline": self.centreline, "field_names": self.field_names, "classes": self.classes}
-        return list(given.items())
+        return [(field.name, getattr(self, field.name)) for field in fields(self)]
 
 
 NO_LAYERS = LayerFiles()

@@ -27,6 +27,8 @@ from ..engine.pointcloud.plant_cover import PlantCover
 from ..engine.registration.result import RegistrationResult
 from ..engine.registration.surveys import register_surveys
 from ..engine.vector.area import read_roi
+from ..engine.vector.corrections import Corrections
+from ..interface.corrections import EXCLUDE
 from ..interface.dates import date_in_name
 from ..interface.parameters import ChangeParameters, InputParameters, RegistrationParameters
 
@@ -102,11 +104,19 @@ def stable_area(path: Path | None, crs: CRS, progress: Progress | None = None) -
     return area.geometry
 
 
-def common_area(path: Path | None, first: Cloud, transform: RigidTransform) -> BaseGeometry | None:
-    """The region of interest as both epochs hold it: the later cloud was clipped before it was moved."""
-    if path is None:
+def common_area(
+    path: Path | None, first: Cloud, transform: RigidTransform, corrections: Corrections | None = None
+) -> BaseGeometry | None:
+    """The region of interest without excluded areas as both epochs hold it: the later cloud was clipped before it was
+    moved. None for all that the clouds cover.
+
+    Args:
+        corrections: those that hold for either epoch.
+    """
+    area = None if path is None else read_roi(path, first.crs).geometry
+    area = area if corrections is None else corrections.outside(area, EXCLUDE)
+    if area is None:
         return None
-    area = read_roi(path, first.crs).geometry
     height = first.median_height() if isinstance(first, SpooledCloud) else float(np.median(first.xyz[:, 2]))
     middle = np.array([[area.centroid.x, area.centroid.y, height]])
     shift = (transform.apply(middle) - middle)[0]

@@ -28,7 +28,9 @@ from ..engine.series.comparisons import GriddedEpoch
 from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
+from ..engine.vector.corrections import Corrections
 from ..interface.parameters import GridChangeParameters
+from .corrections import corrections_of, refuse_forced_ground
 from .early_memory import refuse_grid_early
 from .ground_choice import check_ground, with_one_ground
 from .layer_files import NO_LAYERS, LayerFiles
@@ -104,7 +106,7 @@ def monitor_series(
         roi: vector file whose polygons bound the managed slope.
         stable: vector file whose polygons are known to be stable.
         alerts: alert table, if another than the one that comes with SlopeWatch.
-        layers: the road's centreline, and polygons of classes of asset.
+        layers: the road's centreline, polygons of classes of asset, and corrections by hand.
         pdal: the pdal program, if another than the one found.
         overwrite: replace whatever results the folder holds. A series that this one goes on with, by more surveys and
             with the same settings, is replaced without it, because that is how a series is kept. What people entered
@@ -128,11 +130,10 @@ def monitor_series(
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
     say_days(dates := _dates(epochs), run.progress)
-    related = (settings.road, settings.assets)
-    run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
+    corrections = _given_layers(run, layers, epochs, settings, roi)
     refuse_grid_early([epochs[0].path], settings.inputs, held_whole(settings.change), roi)
     with run.writing(output_dir, report=True) as stage, cancellation.temporary(stage.folder / SPOOL) as spool:
-        task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage)
+        task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage, corrections)
         with run.step("surveys", 0.0, 0.6) as entry:
             gridded, grid, crs, choice = prepare_epochs(task, spool, run.progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
@@ -160,6 +161,19 @@ def monitor_series(
         run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
         _say(run, earlier)
     return run.result()
+
+
+def _given_layers(
+    run: Run, layers: LayerFiles, epochs: tuple[Epoch, ...], settings: SeriesSettings, roi: Path | None
+) -> Corrections | None:
+    """Read what zones and change are related to, and the corrections by hand, which it returns."""
+    related = (settings.road, settings.assets)
+    run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
+    corrections = corrections_of(layers.corrections, epochs, roi, settings.inputs, run.progress)
+    if corrections is not None:
+        refuse_forced_ground(corrections, settings.ground.ground)
+        run.facts["corrections"] = corrections.facts()
+    return corrections
 
 
 def _method(parameters: GridChangeParameters) -> str:

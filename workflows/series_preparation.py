@@ -30,6 +30,7 @@ from ..engine.grid.chosen_cell import CellChoice, choose_cell, with_cell
 from ..engine.grid.common_grid import affordable, common_grid
 from ..engine.grid.grid import Grid
 from ..engine.grid.kept_moments import KeptMoments
+from ..engine.ground.corrected_ground import correct_ground
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.tiles.memory import shared_memory
 from ..engine.pointcloud.in_parts import SpooledCloud, spool
@@ -37,6 +38,8 @@ from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.series.comparisons import GriddedEpoch
 from ..engine.vector.area import read_roi
+from ..engine.vector.corrections import Corrections
+from ..interface.corrections import EXCLUDE, NOT_GROUND
 from ..interface.parameters import ChangeParameters, GridChangeParameters
 from .pair import Cloud, common_area, is_large, register_pair, survey_of
 from .series_store import Entry, Store, key_of, load_cells, save_cells
@@ -48,7 +51,7 @@ _AT_ONCE = 2  # surveys whose ground is found at the same time
 
 @dataclass(frozen=True)
 class Task:
-    """What the surveys are prepared with. ``hashes`` are those of the clouds, the region and the stable area."""
+    """What the surveys are prepared with. ``hashes`` are those of the clouds."""
 
     epochs: tuple[Epoch, ...]
     hashes: tuple[str, ...]
@@ -59,6 +62,12 @@ class Task:
     stable_hash: str
     program: Pdal | None
     stage: Stage
+    corrections: Corrections | None = None
+
+    def corrected(self, number: int) -> Corrections | None:
+        """The corrections that hold for a survey; None without any."""
+        found = None if self.corrections is None else self.corrections.of(self.epochs[number].date)
+        return found if found is not None and found.areas else None
 
 
 def held_whole(parameters: GridChangeParameters) -> GridChangeParameters:
@@ -136,10 +145,29 @@ def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | N
                 shares[number].info(sentence)
             return ground_facts(result.figures(), plain(result), f"{path.parent.name}/{result.classified.name}")
 
-        return store.entry(GROUND, _ground_key(task, number), make, shares[number])
+        found = store.entry(GROUND, _ground_key(task, number, corrected=False), make, shares[number])
+        corrections = task.corrected(number)
+        return found if corrections is None else _corrected(task, number, found, corrections, store, shares[number])
 
     with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
         return list(pool.map(ground, range(len(task.epochs))))
+
+
+def _corrected(
+    task: Task, number: int, found: Entry, corrections: Corrections, store: Store, progress: Progress
+) -> Entry:
+    """The ground of a survey as corrected; what the extraction found is kept apart, so that it is not made again."""
+    classified = found.path.parent / Path(found.facts["classified"]).name
+    clipped = classified.with_name(classified.name.replace("classified", "clipped"))
+
+    def make(path: Path) -> dict[str, Any]:
+        of_path = path.with_name(path.name.replace("ground", "classified"))
+        scatter, threshold = (float(found.facts[name]) for name in ("scatter", "threshold"))
+        correct_ground((clipped, classified), (of_path, path), corrections, scatter=scatter, threshold=threshold)
+        facts = {name: value for name, value in found.facts.items() if name != "warnings"}
+        return facts | {"classified": f"{path.parent.name}/{of_path.name}"}
+
+    return store.entry(GROUND, _ground_key(task, number), make, progress)
 
 
 def ground_facts(figures: dict[str, Any], result: dict[str, Any], classified: str) -> dict[str, Any]:
@@ -153,15 +181,20 @@ def ground_facts(figures: dict[str, Any], result: dict[str, Any], classified: st
     return figures | {"warnings": result["warnings"], "cover": result["cover"], "classified": classified}
 
 
-def _ground_key(task: Task, number: int) -> str:
+def _ground_key(task: Task, number: int, *, corrected: bool = True) -> str:
     settings, program = task.settings, task.program
-    return ground_key(
+    key = ground_key(
         task.hashes[number],
         task.roi_hash,
         asdict(settings.inputs),
         None if settings.series.ground_ready else asdict(settings.ground),
         None if program is None else program.version,
     )
+    corrections = task.corrected(number) if corrected else None
+    if corrections is None:
+        return key
+    shapes = [(area.action, area.shape.wkt) for area in corrections.areas]
+    return key_of(ground=key, corrections=shapes)
 
 
 def ground_key(cloud: str, roi: str, inputs: dict[str, Any], ground: dict[str, Any] | None, pdal: str | None) -> str:
@@ -181,35 +214,43 @@ def _ground_cloud(task: Task, number: int, ground: Entry | None, folder: Path | 
     """The ground of a survey, in memory, or in a ``folder`` on the disk."""
     path = task.epochs[number].path if ground is None else ground.path
     inputs = task.settings.inputs if ground is None else None
-    area = _area(task, path, progress) if ground is None and task.roi is not None else None
+    area = _area(task, number, path, progress) if ground is None else None
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         stored = spool(path, inputs, folder / f"{number}.points", area=area, progress=progress)
-        _refuse_empty(len(stored), path, task.roi)
+        _refuse_empty(len(stored), path, task)
         return stored
     cloud = read_cloud(path, inputs, progress=progress)
     if area is None:
         return cloud
     shapely.prepare(area)
     inside = shapely.contains_xy(area, cloud.xyz[:, 0], cloud.xyz[:, 1])
-    _refuse_empty(int(np.count_nonzero(inside)), path, task.roi)
+    _refuse_empty(int(np.count_nonzero(inside)), path, task)
     plants = (None if v is None else v[inside] for v in (cloud.plant_error, cloud.plant_height))
     error, height = plants
     return replace(cloud, xyz=cloud.xyz[inside], classification=None, plant_error=error, plant_height=height)
 
 
-def _area(task: Task, path: Path, progress: Progress) -> BaseGeometry:
-    assert task.roi is not None
-    area = read_roi(task.roi, open_cloud(path, task.settings.inputs)[1].crs)
-    for note in area.notes:
-        progress.warning(note)
-    return area.geometry
+def _area(task: Task, number: int, path: Path, progress: Progress) -> BaseGeometry | None:
+    """Where the points of a ground cloud are taken; None for everywhere."""
+    area, corrections = None, task.corrected(number)
+    if task.roi is not None:
+        region = read_roi(task.roi, open_cloud(path, task.settings.inputs)[1].crs)
+        for note in region.notes:
+            progress.warning(note)
+        area = region.geometry
+    return area if corrections is None else corrections.outside(area, EXCLUDE, NOT_GROUND)
 
 
-def _refuse_empty(points: int, path: Path, roi: Path | None) -> None:
-    if not points:
-        assert roi is not None
-        raise InputError(f"{shown(path)} has no point inside the region {shown(roi)}; check both and their systems.")
+def _refuse_empty(points: int, path: Path, task: Task) -> None:
+    if points:
+        return
+    if task.roi is not None:
+        raise InputError(
+            f"{shown(path)} has no point inside the region {shown(task.roi)}; check both and their systems."
+        )
+    assert task.corrections is not None
+    raise InputError(f"The corrections {shown(task.corrections.path)} leave no ground; make their areas smaller.")
 
 
 def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> GriddedEpoch:
@@ -267,7 +308,7 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         stored=partial(_stored, task, number, ground, transform),
         ground=epoch.path if ground is None else ground.path,
         key=key_of(ground=_ground_key(task, number), transform=key),
-        area=common_area(task.roi, first, transform),
+        area=common_area(task.roi, first, transform, task.corrected(number)),
         facts={k: v for k, v in facts.items() if k != "warnings"},
         made=tuple(made),
     )

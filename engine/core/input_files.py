@@ -86,7 +86,8 @@ def _refusals() -> Iterator[None]:
 
 _KINDS = {
     **dict.fromkeys(
-        ("roi", "stable", "profiles", "centreline", "classes", "segments", "polygons", "plan", "layer"), LAYER
+        ("roi", "stable", "profiles", "centreline", "classes", "corrections", "segments", "polygons", "plan", "layer"),
+        LAYER,
     ),
     **dict.fromkeys(("tasks", "export"), LABELS),
     "transform": TRANSFORM,

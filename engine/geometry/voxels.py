@@ -20,10 +20,10 @@ def voxel_average(xyz: Float, size: float, more: Float | None = None) -> Float:
     Args:
         xyz: (n, 3) coordinates in metres, n > 0.
         size: side of a voxel in metres.
-        more: (n,) another value of each point.
+        more: (n, k) other values of each point.
 
     Returns:
-        (m, 3) means, sorted by voxel, so that neighbours are near one another in memory; with ``more`` (m, 4).
+        (m, 3) means, sorted by voxel, so that neighbours are near one another in memory; with ``more`` (m, 3 + k).
 
     Raises:
         InputError: the extent holds more voxels than can be numbered, which a stray point causes.

@@ -170,20 +170,6 @@ def _joined(known: Information, part: Information) -> Information:
     return Information(curvature[order], directions[:, order], observable[order], covariance)
 
 
-def error_by_plants(matcher: Matcher, pose: Pose, places: Float) -> float:
-    """Error of a height, metres, that plants over ``places`` (n, 3; after registration) leave to the registration.
-
-    Errors of plants of one season are alike, so it is the mean of the places' own errors, of both surveys together.
-    """
-    if not len(places):
-        return 0.0
-    total = np.zeros(len(places))
-    for surface, where in ((matcher.reference, places), (matcher.moving, pose.undo(places))):
-        if surface.plants is not None:
-            total += surface.plants[np.asarray(surface.tree.query(where, workers=-1)[1])] ** 2
-    return float(np.mean(np.sqrt(total)))
-
-
 def offset_of_covered(ground: Covered, pose: Pose, reach: float) -> float | None:
     """Median height of the later survey's covered ground over the earlier one's at ``pose``, metres."""
     plain = Matcher(ground.covered.reference, ground.covered.moving, ground.covered.stable, ground.covered.firm)

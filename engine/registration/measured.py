@@ -13,8 +13,9 @@ from ..geometry.height_correction import HeightCorrection
 from ..geometry.pose import Pose
 from ..geometry.rigid_transform import BentTransform, RigidTransform
 from .alignment import Alignment, observe
-from .bare_ground import Covered, compared_ground, error_by_plants
+from .bare_ground import Covered, compared_ground
 from .bending import Bend, measure_bend
+from .common_vegetation_error import common_vegetation_error
 from .observability import Information, height_sd, relief_sd
 from .patch_registration import OnPatches
 from .point_to_plane import Matcher
@@ -111,7 +112,7 @@ def measured(
         over = compared_ground(ground, solution.pose, parameters.maximum_offset)
     by_plants = 0.0
     if parameters.method != "none" and not solution.left:  # a cloud left as it is takes nothing from plants
-        by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
+        by_plants = common_vegetation_error(matcher, solution.pose, quality.sample[quality.agrees])
     error = float(np.hypot(_error(solution, quality, over, parameters), by_plants))
     if patches is None:
         error = widened(error, quality, parameters.minimum_stable_share)

@@ -109,8 +109,10 @@ def _solve(
 
 
 def _surface(xyz: Float, plants: PlantCover | None, parameters: RegistrationParameters) -> Surface:
-    error = None if plants is None else np.asarray(plants.error, dtype=np.float64)
-    return Surface(xyz, parameters.registration_voxel, error)
+    if plants is None:
+        return Surface(xyz, parameters.registration_voxel)
+    heights = None if plants.height is None else np.asarray(plants.height, dtype=np.float64)
+    return Surface(xyz, parameters.registration_voxel, np.asarray(plants.error, dtype=np.float64), heights)
 
 
 def _with_plants(

@@ -24,13 +24,18 @@ class Surface:
     """Voxel means ``points`` (m, 3) of a cloud, and planes that are fitted where they are first asked for.
 
     ``centroids`` and ``normals`` (m, 3), upwards, and ``planar`` (m,) are valid where ``fit`` was called for.
-    ``plants`` (m,) is the error of the heights by plants, metres; None where it is not known.
+    ``plants`` (m,) is the error of the heights by plants and ``plant_heights`` (m,) their height, metres; None where
+    it is not known.
     """
 
-    def __init__(self, xyz: Float, voxel: float, plants: Float | None = None) -> None:
-        means = voxel_average(xyz, voxel, plants)
-        self.points = means if plants is None else np.ascontiguousarray(means[:, :3])
+    def __init__(
+        self, xyz: Float, voxel: float, plants: Float | None = None, plant_heights: Float | None = None
+    ) -> None:
+        known = [values for values in (plants, plant_heights) if values is not None]
+        means = voxel_average(xyz, voxel, np.column_stack(known) if known else None)
+        self.points = np.ascontiguousarray(means[:, :3]) if known else means
         self.plants = None if plants is None else np.ascontiguousarray(means[:, 3])
+        self.plant_heights = None if plant_heights is None else np.ascontiguousarray(means[:, -1])
         # the default build sorts and shrinks at a cost that so few queries do not return
         self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False, leafsize=_LEAF_POINTS)
         self.neighbours = min(NEIGHBOURS, len(self.points))

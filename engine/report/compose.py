@@ -53,6 +53,7 @@ _ROLES = {
     "centreline": "centreline of the road",
     "field_names": "names of fields",
     "classes": "classes of asset",
+    "corrections": "corrections by hand",
 }
 """What an input is for, by the first word of its role in the record."""
 MEANINGS = {

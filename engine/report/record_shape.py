@@ -39,6 +39,8 @@ _STRIPS = fields(
 _SURVEY = fields({}, {"classified": maybe(text()), "cover": maybe(_COVER), "strips": maybe(_STRIPS)})
 _STAGE = fields({}, {"stage": text(), "epochs": table(_SURVEY)})
 
+_CORRECTION = fields({"action": text(), "reason": text(), "epoch": text(), "area_m2": _SHARE_OR_MORE})
+
 RECORD = fields(
     {
         "software": text(),
@@ -61,6 +63,7 @@ RECORD = fields(
         "reference_system": maybe(fields({}, {"name": text()})),
         "stages": rows(_STAGE),
         "displacement_left_out": text(),
+        "corrections": fields({"areas": rows(_CORRECTION)}),
     },
 )
 """Of every command that has a report."""

@@ -23,7 +23,7 @@ from .polygon_file import read_polygons
 
 MAX_CLASSES = 1000
 """More are single assets rather than classes of them, and each costs a pass over the grid."""
-_SLIVER_M = 1.0  # width of an overlap that is refused whatever the cells
+SLIVER_M = 1.0  # width of an overlap that is refused whatever the cells
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class AssetClasses:
         """Raise InputError where classes overlap on more than slivers, which is known before there is a grid."""
         for i, j in sorted(STRtree(self.shapes).query(self.shapes, predicate="intersects").T.tolist()):
             common = shapely.intersection(self.shapes[i], self.shapes[j]) if i < j else Polygon()
-            wide = common.buffer(-_SLIVER_M / 2)
+            wide = common.buffer(-SLIVER_M / 2)
             if not wide.is_empty:
                 place = wide.representative_point()
                 raise _overlap((self.names[i], self.names[j]), self.path, common.area, (place.x, place.y))

@@ -22,7 +22,7 @@ def read_polygons(path: Path, field: str, option: str) -> tuple[geopandas.GeoDat
 
     Args:
         field: as somebody names it; the letters' case counts only where two names differ in nothing else.
-        option: which names the field, for the message.
+        option: which names the field, for the message; empty if the field has one name only.
 
     Raises:
         InputError: missing, not a vector file, or without polygons or the field.
@@ -43,9 +43,9 @@ def read_polygons(path: Path, field: str, option: str) -> tuple[geopandas.GeoDat
     columns = [str(column) for column in frame.columns if column != frame.geometry.name]
     found = [c for c in columns if c == field] or [c for c in columns if c.lower() == field.lower()]
     if not found:
+        remedy = f"name the one to take by {option}" if option else "add it"
         raise InputError(
-            f"The polygons {shown(path)} have no field {field}; name the one to take by {option} (there are "
-            f"{', '.join(columns) or 'none'})."
+            f"The polygons {shown(path)} have no field {field}; {remedy} (there are {', '.join(columns) or 'none'})."
         )
     refuse_tangled(frame.geometry, f"The layer {shown(path)}")
     return frame.set_geometry(shapely.make_valid(frame.geometry.to_numpy()), crs=frame.crs), found[0]

@@ -22,6 +22,7 @@ from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.exportlabelstudio import ExportLabelStudio
 from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.importlabelstudio import ImportLabelStudio
+from slopewatch.processing_algorithms.inspectseries import InspectSeries
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.locateonroad import LocateOnRoad
 from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
@@ -331,6 +332,18 @@ def test_places_on_a_road_and_classes_of_asset(tmp_path: Path) -> None:
     done = command(ElevationChange, REFERENCE=FIRST, CLOUD=LATER, OUTPUT_FOLDER="/out", CLASSES=zones, **given)
     words = f"--centreline {road} --field-names /data/names.csv --classes {zones} --chainage-start 12300.0"
     assert words in shlex.join(done)
+
+
+def test_corrections_by_hand(tmp_path: Path) -> None:
+    drawn = str(written(square("corrections", 0), tmp_path / "corrections.gpkg", "corrections"))
+    surveys = {"REFERENCE": FIRST, "CLOUD": LATER}
+    for algorithm, given in (
+        (InspectSlope, surveys),
+        (InspectSeries, {"MANIFEST": "/data/series.csv"}),
+        (CorridorBatch, {"MANIFEST": "/data/slopes.csv"}),
+    ):
+        found = command(algorithm, OUTPUT_FOLDER="/out", CORRECTIONS=drawn, **given)
+        assert f"--corrections {drawn}" in shlex.join(found)
 
 
 def test_what_goes_to_label_studio_and_back(tmp_path: Path) -> None:

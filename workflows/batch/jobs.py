@@ -34,6 +34,7 @@ class Slope:
     alerts: Path | None = None
     centreline: Path | None = None
     classes: Path | None = None
+    corrections: Path | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     profile: str = ""
 
@@ -65,8 +66,8 @@ class Job:
     """One slope to be worked on.
 
     ``task`` stands for all that its results depend on. ``epochs`` are days and clouds, ``files`` the other inputs by
-    their role (roi, stable, alerts, centreline, field_names, classes), ``options`` the settings that differ from the
-    profile's, ``folder`` the place of the results.
+    their role (roi, stable, alerts, centreline, field_names, classes, corrections), ``options`` the settings that
+    differ from the profile's, ``folder`` the place of the results.
     """
 
     task: str

@@ -38,6 +38,8 @@ def keep_ground(inspected: Path, series: Path) -> int:
         record = parse_json(read_input(inspected / "run.json", RECORD))
         if record["software"] != f"SlopeWatch {VERSION}" or record["command"] != "inspect":
             return 0
+        if record.get("corrections"):  # what is there is not what an extraction found
+            return 0
         for day, facts in _grounds(record).items():
             count += _keep(inspected, series / FOLDER, _key(record, day), facts)
     return count

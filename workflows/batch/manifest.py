@@ -17,7 +17,7 @@ from .manifest_rows import rows_of
 from .manifest_table import Row, Table
 from .settings import read_option, specifications
 
-FILES = ("roi", "stable", "alerts", "centreline", "classes")
+FILES = ("roi", "stable", "alerts", "centreline", "classes", "corrections")
 _KNOWN = ("slope", "date", "file", "profile", *FILES)
 _LONGEST_NAME = 100
 T = TypeVar("T")

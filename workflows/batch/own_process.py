@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ def work_in_place(job: Job, events: Events) -> None:
     groups = group_of(job.command, job.options, job.profile)
     epochs = [Epoch(Path(cloud), date.fromisoformat(day)) for day, cloud in job.epochs]
     files: dict[str, Any] = {role: Path(path) for role, path in job.files.items()}
-    files["layers"] = LayerFiles(**{role: files.pop(role, None) for role in ("centreline", "field_names", "classes")})
+    files["layers"] = LayerFiles(**{field.name: files.pop(field.name, None) for field in fields(LayerFiles)})
     more: dict[str, Any] = {
         "pdal": Path(job.pdal) if job.pdal else None,
         "overwrite": True,

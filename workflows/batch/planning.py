@@ -11,7 +11,9 @@ from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.epochs.epoch import Epoch
 from ...engine.epochs.manifest import check_series
-from ...interface.parameters import BatchParameters
+from ...engine.vector.corrections import OutsideError
+from ...interface.parameters import BatchParameters, InputParameters
+from ..corrections import corrections_of
 from ..layer_files import NO_LAYERS, LayerFiles
 from .folder_names import folder_name
 from .jobs import Job, Problem, Slope
@@ -101,6 +103,20 @@ class _EffectiveSettings:
         return self._known[key]
 
 
+def _of_corridor(slope: Slope, common: Common, options: Mapping[str, Any], profile: str) -> Path | None:
+    """The corrections given for the whole corridor, if some of them lie on the slope.
+
+    Raises:
+        InputError: they cannot be used.
+    """
+    path, epochs = common.layers.corrections, [Epoch(survey.cloud, survey.day) for survey in slope.surveys]
+    try:
+        corrections_of(path, epochs, slope.roi, InputParameters.build(options, profile), Progress())
+    except OutsideError:
+        return None
+    return path
+
+
 def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes, settings: _EffectiveSettings) -> Job:
     """The job of a slope.
 
@@ -117,6 +133,7 @@ def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes, set
         files["field_names"] = common.layers.field_names
     if len(slope.surveys) > 1:
         files["classes"] = slope.classes or common.layers.classes
+    files["corrections"] = slope.corrections or _of_corridor(slope, common, options, profile)
     given = {role: path for role, path in files.items() if path is not None}
     if len(slope.surveys) > 1:
         check_series([Epoch(survey.cloud, survey.day) for survey in slope.surveys])

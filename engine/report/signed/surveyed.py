@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
+from ....interface import corrections
 from ..compose import role_words
 from ..figures_in_text import figure, interval, percent, say, value_of, with_error
 from . import blocks
@@ -30,6 +31,8 @@ def surveyed(record: Mapping[str, Any], details: Details) -> list[Block]:
         made += [blocks.heading(say("How the surveys were compared"), 2), blocks.facts(facts)]
     if record.get("volumes"):
         made += [blocks.heading(say("Areas and volumes"), 2), _volumes(record["volumes"]["rows"])]
+    if record.get("corrections"):
+        made += [blocks.heading(say("Corrections by hand"), 2), _corrections(record["corrections"]["areas"])]
     return [*made, blocks.heading(say("Files"), 2), _files(record)]
 
 
@@ -132,6 +135,23 @@ def _volumes(rows: list[dict[str, Any]]) -> Block:
             ]
         )
     return blocks.table(columns, table, size=7.0)
+
+
+def _corrections(rows: list[dict[str, Any]]) -> Block:
+    """One row for each area that a person drew."""
+    columns = [Column(say("Correction"), left=True), Column(say("Reason"), left=True, wide=True)]
+    columns += [Column(say("Survey"), left=True), Column(say("Area (m²)"))]
+    table: list[list[Cell]] = [
+        [
+            say(corrections.LABELS.get(row["action"], "")),
+            row["reason"] or "–",
+            row["epoch"] or say("all"),
+            figure(row, "area_m2", digits=1),
+        ]
+        for row in rows
+    ]
+    words = say("A person drew these areas. Excluded areas are in no zone, no sum and no registration.")
+    return blocks.table(columns, table, words)
 
 
 def _files(record: Mapping[str, Any]) -> Block:

@@ -6,9 +6,13 @@ import re
 
 import numpy as np
 import pytest
+from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.pointcloud.plant_cover import PlantCover
+from slopewatch.engine.registration.common_vegetation_error import SHARED, common_vegetation_error
+from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.register import register
 from slopewatch.engine.registration.result import RegistrationResult
+from slopewatch.engine.registration.surface import Surface
 from slopewatch.interface.parameters import RegistrationParameters
 from slopewatch.tests.builders.plant_clouds import DIP, SIDE, Grass, Ground, grassy_slope
 
@@ -54,13 +58,35 @@ def test_a_level_road_across_the_slope_is_not_slid_to_where_the_grass_fits():
     assert abs(height) < 3 * max(found.registration_error, 0.002)
 
 
-def test_where_nothing_is_bare_the_error_holds_the_plants():
+def test_where_nothing_is_bare_the_error_covers_another_season():
     first, second = pair(bare_share=0.0)
     found, _, height = registered(first, second)
     assert height == pytest.approx(0.08, abs=0.005), "nothing tells it from an offset"
-    assert found.registration_error == pytest.approx(np.hypot(0.05, 0.05), rel=0.02)
-    assert found.summary()["registration_error_by_plants_m"] == pytest.approx(np.hypot(0.05, 0.05), rel=0.01)
+    alike = 0.05 / 0.25
+    shared = SHARED * 0.05 * np.sqrt(2.0 * (1.0 - alike))
+    assert found.summary()["registration_error_by_plants_m"] == pytest.approx(shared, rel=0.01)
+    assert shared <= found.registration_error < 2.0 * shared
     assert any("Too little ground is bare (0%)" in w for w in found.warnings)
+
+
+def test_vegetation_of_one_season_shifts_both_surveys_alike():
+    first, second = (grassy_slope(seed, TALL, bare_share=0.0) for seed in (1, 2))
+    found, _, height = registered(first, Ground(second.xyz - OFFSET, second.plants, second.bare))
+    assert found.summary()["registration_error_by_plants_m"] < 1e-6
+    assert abs(height) < 3.0 * found.registration_error < 0.01
+
+
+@pytest.mark.parametrize("heights", [(None, 0.25), (0.25, None), (None, None)])
+def test_without_the_heights_of_the_vegetation_nothing_cancels(heights):
+    places = np.random.default_rng(3).uniform(0, 10, (400, 3))
+    errors = 0.03, 0.04
+    surfaces = [
+        Surface(places, 0.01, np.full(400, error), None if height is None else np.full(400, height))
+        for error, height in zip(errors, heights, strict=True)
+    ]
+    found = common_vegetation_error(Matcher(*surfaces), Pose.identity(), places)
+    assert found == pytest.approx(SHARED * 0.05)
+    assert common_vegetation_error(Matcher(*surfaces), Pose.identity(), places[:0]) == 0.0
 
 
 def test_a_scrap_of_bare_ground_is_not_preferred_to_all_the_rest():

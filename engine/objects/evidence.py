@@ -1,0 +1,95 @@
+"""How surely a group of returns is new: pulses that ended there in one survey and went through in the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.spatial import Delaunay, QhullError, cKDTree
+from shapely.geometry.base import BaseGeometry
+
+from ..core.arrays import Float, Index
+from .candidates import LOW_M, Heights
+
+RING_M = 1.0
+"""Width of the ring in which the ground around is looked at, and at least three spacings."""
+_MIN_RING_POINTS = 8
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Returns of a survey over a footprint: on the object, and below it."""
+
+    hits: int
+    through: int
+
+
+def likelihood_ratio(one: Counts, other: Counts) -> float:
+    """How likely both counts are if one share of the pulses ends on the object in both surveys, against two shares.
+
+    The generalised likelihood ratio of two binomial samples (Wilks 1938, doi:10.1214/aoms/1177732360), 0 to 1.
+    """
+    both = Counts(one.hits + other.hits, one.through + other.through)
+    return float(np.exp(_log_likelihood(both) - _log_likelihood(one) - _log_likelihood(other)))
+
+
+def _log_likelihood(counts: Counts) -> float:
+    total = counts.hits + counts.through
+    return sum(n * np.log(n / total) for n in (counts.hits, counts.through) if n)
+
+
+class Place:
+    """Returns of a survey around places, looked up from above."""
+
+    def __init__(self, heights: Heights) -> None:
+        self.heights, self.xyz = heights.height, heights.survey.xyz
+        self.spacing = heights.survey.spacing
+        self._tree = cKDTree(self.xyz[:, :2])
+
+    def within(self, area: BaseGeometry) -> Index:
+        """(m,) returns within an area, ascending."""
+        if area.is_empty:
+            return np.zeros(0, dtype=np.int64)
+        west, south, east, north = area.bounds
+        middle, reach = ((west + east) / 2, (south + north) / 2), np.hypot(east - west, north - south) / 2
+        near = np.sort(np.array(self._tree.query_ball_point(middle, reach + 1e-6), dtype=np.int64))
+        return near[shapely.contains_xy(area, *self.xyz[near, :2].T)] if len(near) else near
+
+    def counts(self, area: BaseGeometry, low: float, top: float) -> Counts:
+        """Returns over an area between the heights ``low`` and ``top`` (m), and below."""
+        height = self.heights[self.within(area)]
+        return Counts(int(np.count_nonzero((height >= low) & (height <= top))), int(np.count_nonzero(height < low)))
+
+
+def core(xy: Float, longest: float) -> BaseGeometry:
+    """The triangles between points (n, 2), m, whose sides are at most ``longest`` m; empty if there are none."""
+    if len(xy) < 3:
+        return shapely.Polygon()
+    try:
+        triangles = xy[Delaunay(xy - xy.mean(axis=0)).simplices]
+    except QhullError:  # points on a line
+        return shapely.Polygon()
+    sides = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    kept = triangles[sides <= longest]
+    return shapely.coverage_union_all(shapely.polygons(kept)) if len(kept) else shapely.Polygon()
+
+
+def footprint(xy: Float, inner: BaseGeometry, rim: float) -> BaseGeometry:
+    """The core and its points (n, 2) with a ``rim`` (m) around."""
+    return shapely.union_all([inner, shapely.multipoints(xy)]).buffer(rim, quad_segs=4)
+
+
+def pit_below(other: Place, area: BaseGeometry) -> float:
+    """How far (m) the other survey's ground in a footprint lies under that around; 0 if unknown.
+
+    Ground that was taken away leaves a pit, an object does not.
+    """
+    ring = area.buffer(max(RING_M, 3.0 * other.spacing), quad_segs=4).difference(area)
+    outside, inside = (other.within(part) for part in (ring, area))
+    outside, inside = (index[np.abs(other.heights[index]) < LOW_M] for index in (outside, inside))
+    if len(outside) < _MIN_RING_POINTS or not len(inside):
+        return 0.0
+    middle = other.xyz[inside].mean(axis=0)
+    design = np.column_stack([other.xyz[outside, :2] - middle[:2], np.ones(len(outside))])
+    return float(np.linalg.lstsq(design, other.xyz[outside, 2] - middle[2], rcond=None)[0][2])
