@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from ..engine.change.coverage import compared_share
+from ..engine.change.coverage import seen
 from ..engine.change.difference import Areas, difference
 from ..engine.change.result import Change
 from ..engine.core.arrays import Bool, Float
@@ -57,7 +57,7 @@ def rows() -> list[Row]:
         plain = _change(strips, strips.second, cell, registered=False)
         count, unregistered = (len(change_zones(c).frame) for c in (change, plain))
         found.append(Row(f"zones, {name}", str(count), "0", f"not registered: {unregistered}", count == 0))
-        compared = compared_share(change, both=True)
+        compared = seen(change).share_of_both
         found.append(
             Row(f"compared of what both reach, {name}", f"{100 * compared:.0f} %", "85 %", "", compared >= 0.85)
         )

@@ -87,6 +87,13 @@ CHANGE_PRODUCTS = (
         Appearance(30, visible=False, expanded=False),
     ),
     Product(
+        "SEEN",
+        "seen",
+        "Seen and not seen",
+        "Class of each cell of the slope: compared, or why not (no ground in a survey, too few points, excluded).",
+        Appearance(38),
+    ),
+    Product(
         "LEVEL_OF_DETECTION",
         "level_of_detection",
         "Level of detection (m)",

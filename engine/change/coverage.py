@@ -1,19 +1,35 @@
-"""How much of the ground two epochs have in common, and what larger cells would compare."""
+"""Which part of a slope two surveys compare, why not the rest, and what larger cells would compare."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...interface.seen import (
+    COMPARED,
+    EXCLUDED,
+    KEYS,
+    LABELS,
+    NOT_IN_BOTH,
+    NOT_IN_FIRST,
+    NOT_IN_LATER,
+    NOT_SEEN,
+    OUTSIDE,
+    TOO_FEW,
+)
 from ..core.arrays import Bool
 from ..grid.growing_cells import surveyed
+from ..grid.seen_cells import near_cells
 from .result import Change
 
 _MIN_COMMON_SHARE = 0.8
-_BLOCK_M = 1.0  # side of the blocks, m, at least, that an epoch reached with any point
+_BLOCK_M = 1.0  # half of the gap between points, m, that an outline bridges at least
 
 
 def common_rate_at(change: Change, multiple: int) -> float:
@@ -37,54 +53,79 @@ def cell_that_compares(change: Change) -> float | None:
 
 
 @dataclass(frozen=True)
-class GroundCompared:
-    """Ground within the outline of two surveys, m², and how much of it was compared.
+class Seen:
+    """Which cells of a slope were compared, and why the others were not.
 
     Attributes:
-        compared: area with a change.
-        only_first, only_second: within the outline of one survey alone.
-        too_few: the rest, where both surveys have too few points for a change.
+        classes: (rows, columns) of ``interface.seen``.
+        cell: side of a cell, m.
     """
 
-    compared: float
-    only_first: float
-    only_second: float
-    too_few: float
+    classes: NDArray[np.uint8]
+    cell: float
+
+    @cached_property
+    def _cells(self) -> NDArray[np.int64]:
+        """How many cells each class has."""
+        return np.bincount(self.classes.ravel(), minlength=len(LABELS))
+
+    def area(self, *classes: int) -> float:
+        """Of the cells of some ``classes``, m²."""
+        return float(self._cells[list(classes)].sum()) * self.cell**2
 
     @property
-    def share(self) -> float:
-        """Of the ground within the outline of either survey."""
-        return self.compared / max(self.compared + self.only_first + self.only_second + self.too_few, 1e-9)
+    def slope_area(self) -> float:
+        """m², whatever was compared of it."""
+        return self.area(COMPARED, *NOT_SEEN)
+
+    def share(self, *classes: int) -> float:
+        """Of the slope that is of some ``classes``."""
+        return self.area(*classes) / max(self.slope_area, 1e-9)
+
+    @property
+    def share_of_both(self) -> float:
+        """Share compared of the slope that has ground of both surveys nearby."""
+        return self.area(COMPARED) / max(self.area(COMPARED, TOO_FEW), 1e-9)
+
+    def shares(self) -> dict[str, float]:
+        """Share of the slope of each class, for the run record."""
+        return {KEYS[one]: self.share(one) for one in (COMPARED, *NOT_SEEN)}
 
 
-def ground_compared(change: Change) -> GroundCompared:
-    """What of the ground was compared, and why the rest was not."""
-    first, second, ground = _outlines(change)
-    valid, area = change.layout.on_grid(change.valid), change.grid.cell**2
-    missing = ground & ~valid
+def seen(change: Change) -> Seen:
+    """Class of each cell of the grid.
 
-    def of(cells: Bool) -> float:
-        return float(np.count_nonzero(cells)) * area
-
-    one, other = missing & first & ~second, missing & second & ~first
-    return GroundCompared(of(valid), of(one), of(other), of(missing & ~one & ~other))
+    The slope is the region that was given, or else the outline of both surveys with its holes. A cell is compared if it
+    has a change. Another one lacks the ground of a survey nearby (``seen_cells.near_ground``); if it lacks neither, the
+    points around are too few.
+    """
+    layout, known = change.layout, change.seen
+    points = [layout.on_grid(count) for count in change.points]
+    if known.near is None:
+        near = [near_cells(count > 0, change.grid.cell) for count in points]
+    else:
+        near = [cells.array for cells in known.near]
+    valid = layout.on_grid(change.valid)
+    inside = _outline(points, valid, change.grid.cell) if known.inside is None else known.inside.array
+    # 0, 1, 2, 3: ground of both surveys nearby, not of the first, not of the later, of neither
+    missing = ~near[0] + 2 * ~near[1]
+    classes = np.array([TOO_FEW, NOT_IN_FIRST, NOT_IN_LATER, NOT_IN_BOTH], dtype=np.uint8)[missing]
+    classes[valid] = COMPARED
+    if known.excluded is not None:
+        classes[known.excluded.array] = EXCLUDED
+    classes[~inside] = OUTSIDE
+    return Seen(classes, change.grid.cell)
 
 
 def not_compared(change: Change) -> Bool:
-    """Cells (rows, columns) of ground without a change."""
-    return np.asarray(_outlines(change)[2] & ~change.layout.on_grid(change.valid))
+    """Cells (rows, columns) of the slope without a change."""
+    return np.isin(seen(change).classes, NOT_SEEN)
 
 
-def _outlines(change: Change) -> tuple[Bool, Bool, Bool]:
-    """Cells within the outline of the first survey, of the second, and all ground with the holes in both."""
-    reach, layout = max(1, round(_BLOCK_M / change.grid.cell)), change.layout
-    first, second = (surveyed(layout.on_grid(count) > 0, int(count.sum()), reach) for count in change.points)
-    return first, second, ndimage.binary_fill_holes(first | second | layout.on_grid(change.valid))
-
-
-def compared_share(change: Change, *, both: bool = False) -> float:
-    """Area of the common cells over the area that either epoch, or ``both``, reached, in blocks of a metre or more."""
-    multiple = max(1, math.ceil(_BLOCK_M / change.grid.cell - 1e-9))
-    first, second = (change.layout.block_sums(count, multiple) > 0 for count in change.points)
-    reached = first & second if both else first | second
-    return min(1.0, float(change.valid.sum() / max(int(reached.sum()) * multiple**2, 1)))
+def _outline(points: Sequence[NDArray[np.signedinteger[Any]]], valid: Bool, cell: float) -> Bool:
+    """Cells within the outline of either survey, with the holes in both."""
+    reach = max(1, round(_BLOCK_M / cell))
+    first, second = (surveyed(count > 0, int(count.sum()), reach) for count in points)
+    label, _ = ndimage.label(~(first | second | valid))
+    edge = np.unique(np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]]))
+    return np.isin(label, edge[edge > 0], invert=True)

@@ -28,6 +28,7 @@ from ..grid.growing_cells import AdaptiveCells, adaptive_cells
 from ..grid.partition import Partition
 from ..grid.plant_cells import together
 from ..grid.pooled_variance import pooled_variance
+from ..grid.seen_cells import Cells, SeenCells
 from ..pointcloud.in_parts import Points, SpooledCloud
 from ..pointcloud.plant_cover import PlantCover
 from ..statistics.normal import quantile
@@ -52,10 +53,12 @@ class Areas:
         compared: those to which both clouds were clipped. Cells that are not wholly inside hold a part of their surface
             only, not the same in both epochs, and are left out.
         stable: those known to be stable, on which the errors are calibrated; found in the data without.
+        excluded: those that are not compared, though they are a part of the slope.
     """
 
     compared: BaseGeometry | None = None
     stable: BaseGeometry | None = None
+    excluded: BaseGeometry | None = None
 
 
 def difference(
@@ -121,19 +124,19 @@ def listed_difference(
     parameters = with_cell(parameters, choice)
     grid = common_grid(reference, moving, parameters, plants=with_plants, bounds=bounds)
     if isinstance(parameters, ChangeParameters) and parameters.grows:
-        registration_error = stated_registration(parameters, registration_error)
+        registration_error, seen = stated_registration(parameters, registration_error), cells_to_compare(areas, grid)
         cells = adaptive_cells(
             reference,
             moving,
             grid,
             parameters,
             registration_error=registration_error,
-            inside=None if areas.compared is None else cells_inside(areas.compared, grid),
+            inside=seen.allowed,
             plants=plants,
             progress=progress,
         )
         change = difference_of_blocks(
-            cells, grid, parameters, registration_error=registration_error, stable=areas.stable
+            cells, grid, parameters, registration_error=registration_error, stable=areas.stable, seen=seen
         )
         return _with_choice(change, parameters, choice, progress)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
@@ -174,8 +177,9 @@ def difference_of_cells(
     listed = np.flatnonzero((first.count > 0) | (second.count > 0))
     counts = first.count.ravel()[listed], second.count.ravel()[listed]
     valid_first, valid_second = (count >= parameters.minimum_points for count in counts)
-    if areas.compared is not None:
-        inside = cells_inside(areas.compared, grid).ravel()[listed]
+    seen = cells_to_compare(areas, grid)
+    if (allowed := seen.allowed) is not None:
+        inside = allowed.ravel()[listed]
         valid_first, valid_second = valid_first & inside, valid_second & inside
     both = valid_first & valid_second
     if not both.any():
@@ -212,6 +216,7 @@ def difference_of_cells(
             counts=counts,
             heights=(heights[0], heights[1]),
             common=_common(valid_first, valid_second),
+            seen=seen,
         ),
         grid,
         parameters,
@@ -232,8 +237,9 @@ def difference_of_blocks(
     *,
     registration_error: float,
     stable: BaseGeometry | None,
+    seen: SeenCells,
 ) -> Change:
-    """As ``difference``, from cells that grew (see ``growing_cells.adaptive_cells``)."""
+    """As ``difference``, from cells that grew among those ``seen`` allows (see ``growing_cells.adaptive_cells``)."""
     if not cells.partition.count:
         raise InputError(
             f"No cell that grew from {grid.cell:g} m has enough points in both epochs for its surface to be "
@@ -246,6 +252,7 @@ def difference_of_blocks(
             counts=(cells.count_from, cells.count_to),
             heights=(cells.height_from, cells.height_to),
             common=common,
+            seen=replace(seen, near=cells.near),
             own_points=cells.points,
         ),
         grid,
@@ -257,14 +264,15 @@ def difference_of_blocks(
 
 @dataclass(frozen=True)
 class _Compared:
-    """What was measured in each cell; counts and heights of both epochs; the share of common cells; where cells grew,
-    each cell's own points.
+    """What was measured in each cell; counts and heights of both epochs; the share of common cells; the cells that may
+    be compared; where cells grew, each cell's own points.
     """
 
     measured: Measured
     counts: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]
     heights: tuple[Float, Float]
     common: float
+    seen: SeenCells
     own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
 
 
@@ -327,6 +335,7 @@ def _judged(
         explained=explained,
         season=season,
         plants_factor=found.plants_factor,
+        seen=cells.seen,
     )
 
 
@@ -339,6 +348,17 @@ def stated_registration(parameters: GridChangeParameters, measured: float) -> fl
     """The registration error (m) that was given as a parameter, or else what the registration measured."""
     stated = given(parameters.registration_error)
     return measured if stated is None else stated
+
+
+def cells_to_compare(areas: Areas, grid: Grid) -> SeenCells:
+    """Cells of the slope, and those of them that are excluded: whatever an excluded polygon touches."""
+    excluded = None
+    if areas.excluded is not None:
+        excluded = geometry_mask([areas.excluded], grid.shape, Affine(*grid.affine), all_touched=True, invert=True)
+    return SeenCells(
+        inside=None if areas.compared is None else Cells.of(cells_inside(areas.compared, grid)),
+        excluded=None if excluded is None else Cells.of(excluded),
+    )
 
 
 def cells_inside(area: BaseGeometry, grid: Grid) -> NDArray[np.bool_]:

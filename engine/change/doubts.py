@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from ...interface.seen import COMPARED, MIN_SEEN_SHARE
 from ..core.progress import Progress
-from .coverage import cell_that_compares, compared_share
+from .coverage import cell_that_compares, seen
 from .result import Change
 
-_MIN_COMPARED_SHARE = 0.5  # share of the ground
 _MIN_REPORTED_AREA_M2 = 1.0  # m² of change that plants explain: less comes by chance where plants end
 
 
@@ -17,17 +17,17 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
         may_grow: whether cells that grow can be asked for where this warning is read.
         of_pair: whether the run compares this pair alone, and so says what the seasons of the two do.
     """
-    compared = compared_share(change)
-    if compared < _MIN_COMPARED_SHARE:
+    compared = seen(change).share(COMPARED)
+    if compared < MIN_SEEN_SHARE:
         remedy = "check that both cover the same slope"
         if change.partition.grown:
             remedy += ", or give a larger largest_cell"
         elif larger := cell_that_compares(change):
             growing = ", or cells that grow (adaptive)," if may_grow else ""
             remedy = f"cells of {larger:g} m{growing} would compare most of it"
-        progress.warning(
-            f"Only {100 * compared:.2g} % of the ground that the surveys reached could be compared; the rest has no "
-            f"points of both epochs in a cell, and zones and volumes leave it out; {remedy}."
+        progress.headline(
+            f"Only {100 * compared:.2g} % of the slope was seen by both surveys; nothing is known of the rest, and "
+            f"zones and volumes leave it out; {remedy}."
         )
     for note in change.model.notes:
         progress.warning(note)

@@ -13,6 +13,7 @@ from ..grid.chosen_cell import CellChoice
 from ..grid.grid import Grid
 from ..grid.partition import Partition
 from ..grid.plant_cells import PlantCells
+from ..grid.seen_cells import SeenCells
 from ..statistics.layout import Layout
 from .season import Season
 from .slope_calibration import ErrorModel, uncalibrated
@@ -45,6 +46,8 @@ class Change:
     how the plants differ between the epochs. All are None where the plants' heights are not known. The errors of
     ``plants`` are the stated ones times ``plants_factor``, which was measured on stable ground (``plant_calibration``).
 
+    ``seen`` states which cells have ground of the surveys nearby, and which may be compared (see ``coverage.seen``).
+
     ``choice`` states how the side of a cell was chosen, where this is known.
     """
 
@@ -76,6 +79,7 @@ class Change:
     explained: NDArray[np.bool_] | None = None
     season: Season | None = None
     plants_factor: float = 1.0
+    seen: SeenCells = field(default_factory=SeenCells)
     choice: CellChoice | None = None
 
     @property

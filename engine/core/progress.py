@@ -52,6 +52,13 @@ class Progress:
             self.warnings.append(message)
             self.show("warning", message)
 
+    def headline(self, message: str) -> None:
+        """A warning that stands before all others."""
+        known = len(self.warnings)
+        self.warning(message)
+        if len(self.warnings) > known:
+            self.warnings.insert(0, self.warnings.pop())
+
     def emit(self, percent: float, message: str) -> None:
         """Show that ``percent`` of the whole command is done."""
 

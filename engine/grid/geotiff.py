@@ -28,6 +28,8 @@ from ..statistics.layout import Laid, laid
 from .grid import Grid
 
 NODATA = -9999.0
+NO_CLASS = 255
+"""Nodata of rasters of classes."""
 _MAX_DECODED_RATIO = 1100
 """Bytes that one of a file may stand for: DEFLATE makes at most 1032 of one."""
 _MIN_SIZE_B = 10_000
@@ -167,6 +169,37 @@ def write_rgba(
     _write(Path(path), grid, crs, profile, {"DESCRIPTION": description, **(tags or {})}, describe, lines)
 
 
+def write_classes(
+    path: Path,
+    classes: NDArray[np.uint8],
+    grid: Grid,
+    crs: CRS | None,
+    looks: Mapping[int, tuple[str, tuple[int, int, int, int]]],
+    *,
+    description: str,
+    tags: Mapping[str, str] | None = None,
+) -> None:
+    """Write ``classes`` (rows, columns) as a cloud-optimised GeoTIFF with a colour table and nodata 255.
+
+    Args:
+        looks: name and colour (red, green, blue, opacity) of each class; the tag ``CLASS_n`` names class n.
+
+    Raises:
+        EngineError: the classes do not fit the grid, or the file read back differs.
+        InputError: the folder is missing or not writable.
+    """
+    if classes.shape != grid.shape or classes.dtype != np.uint8:
+        raise EngineError(f"{Path(path).name}: classes of {classes.shape} do not fit a grid of {grid.shape}")
+    names = {f"CLASS_{number}": name for number, (name, _) in looks.items()}
+
+    def describe(target: DatasetWriter) -> None:
+        target.set_band_description(1, description)
+        target.write_colormap(1, {number: colour for number, (_, colour) in looks.items()})
+
+    profile = {"count": 1, "dtype": "uint8", "nodata": NO_CLASS, "photometric": "PALETTE"}
+    _write(Path(path), grid, crs, profile, names | dict(tags or {}), describe, lambda rows: classes[np.newaxis, rows])
+
+
 def read_raster(path: Path, band: int = 1) -> Raster:
     """Read one band with NaN where there is no data: what the file declares as such, NaN, and -9999 in any case.
 
@@ -297,7 +330,8 @@ def _write(
                 target.update_tags(**{name: str(value) for name, value in (tags or {}).items() if value != ""})
             with memory.open() as source:
                 predictor = "3" if profile["dtype"] == "float32" else "2"
-                rasterio.shutil.copy(source, partial, driver="COG", PREDICTOR=predictor, **_LAYOUT)
+                layout = _LAYOUT | ({"OVERVIEW_RESAMPLING": "MODE"} if profile.get("nodata") == NO_CLASS else {})
+                rasterio.shutil.copy(source, partial, driver="COG", PREDICTOR=predictor, **layout)
     except RasterioError as error:
         raise EngineError(f"{path.name} could not be written: {error}") from error
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...interface.parameters import ChangeParameters
+from ...interface.seen import REACH_M
 from ..core.arrays import Float
 from ..core.progress import Progress
 from ..geometry.numbered import united
@@ -23,6 +24,7 @@ from .grown_cells import COLUMNS, Grown, Growth, grow
 from .kept_moments import KeptMoments, TiledMoments
 from .partition import Partition
 from .plant_cells import PlantCells, together
+from .seen_cells import Cells, near_ground
 from .stored_tiles import StoredTiles
 from .tiled_points import Counted, Frame, Tiled, TiledPoints, Tiles, Window
 
@@ -40,6 +42,7 @@ class AdaptiveCells:
         count_from, count_to: points of the block in either epoch; outside of blocks, of the cell.
         points: points of each cell itself in either epoch.
         partition: the blocks.
+        near: cells of the grid with ground of either survey nearby.
         plants: the heights' errors by plants, and the plants' heights; None where nothing is known of them.
     """
 
@@ -52,6 +55,7 @@ class AdaptiveCells:
     count_to: NDArray[np.int32]
     points: tuple[NDArray[np.int32], NDArray[np.int32]]
     partition: Partition
+    near: tuple[Cells, Cells]
     plants: PlantCells | None = None
 
 
@@ -79,8 +83,9 @@ def adaptive_cells(
     the errors of two blocks are independent but for the registration. Single cells here and there in a square, less
     than a quarter of it, are no block: their mean would be that of places far apart. They, and what has too few
     points of its own, get the change of the smallest whole square that serves, whose points finer blocks in it have
-    used as well. A quarter of a block without any point does not count as compared, nor does what lies outside of
-    either survey, gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
+    used as well. A cell without ground of both surveys nearby (``seen_cells.near_ground``) is not compared, and its
+    points are in no block. Neither counts a quarter of a block without any point, nor what lies outside of either
+    survey, gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
 
     The surface of a block is a pair of parallel planes (see ``block_moments.parallel_planes``). The variance of a point
     about them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
@@ -146,8 +151,10 @@ def _grown(
     within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
     points = [epoch.counts(within) for epoch in epochs]
     outlines = [_surveyed_cells(epoch, within, multiple) for epoch in epochs]
-    within &= outlines[0] & outlines[1]
-    del outlines
+    near = [_near_ground(epoch, within, level) for epoch in epochs]
+    kept = Cells.of(frame.cut(near[0])), Cells.of(frame.cut(near[1]))
+    within &= outlines[0] & outlines[1] & near[0] & near[1]
+    del outlines, near
     parts = []
     windows = list(tiles.windows(epochs, within))
     for number, (outer, inner) in enumerate(windows):
@@ -160,7 +167,7 @@ def _grown(
             epoch_moments.sums[:, ~of_part] = 0.0
         parts.append(_Part.of(grow(moments, of_part, growth, level), outer, inner, frame.grid.columns))
     progress.update(1.0, "cells grown")
-    return _together(parts, frame, points, [epoch.known for epoch in epochs])
+    return _together(parts, frame, points, [epoch.known for epoch in epochs], kept)
 
 
 def surveyed(hit: NDArray[np.bool_], points: int, reach: int) -> NDArray[np.bool_]:
@@ -195,6 +202,20 @@ def _tiled(cloud: Points, frame: Frame, tiles: Tiles, cover: PlantCover | None) 
 
 def _surveyed_cells(epoch: Tiled | TiledMoments, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return surveyed(*epoch.hit(within), reach)
+
+
+def _near_ground(epoch: Tiled | TiledMoments, within: NDArray[np.bool_], level: float) -> NDArray[np.bool_]:
+    """Cells of the frame (rows, columns) with ground of the survey nearby, of what is ``within``."""
+    frame, tiles = epoch.frame, epoch.tiles
+    found = np.zeros(frame.grid.shape, dtype=bool)
+    for number in range(tiles.count):
+        inner = tiles.window(number)
+        outer = tiles.widened(inner, math.ceil(REACH_M / frame.grid.cell) + 1)
+        if not any(epoch.reaches(tile, within) for tile in tiles.near(outer)):
+            continue
+        near = near_ground(_moments(epoch, outer, frame.part(outer), level))
+        found[inner] = near[tuple(slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer))]
+    return found
 
 
 def _moments(epoch: Tiled | TiledMoments, window: Window, grid: Grid, level: float) -> Moments:
@@ -233,7 +254,9 @@ class _Part:
         return cls(cell, used[number], grown.height[own][row, column], grown.figures[:, kept])
 
 
-def _together(parts: list[_Part], frame: Frame, points: Sequence[Counted], known: list[int]) -> AdaptiveCells:
+def _together(
+    parts: list[_Part], frame: Frame, points: Sequence[Counted], known: list[int], near: tuple[Cells, Cells]
+) -> AdaptiveCells:
     """Args: known: how many values of plants each epoch has."""
     figures = np.concatenate([part.figures for part in parts] or [np.zeros((len(COLUMNS), 0))], axis=1)
     nothing = np.zeros(0, dtype=np.int64)
@@ -289,5 +312,6 @@ def _together(parts: list[_Part], frame: Frame, points: Sequence[Counted], known
         count_to=count_to,
         points=(own[0], own[1]),
         partition=Partition(frame.shape, frame.grid.cell, blocks, by_name["side"], listed),
+        near=near,
         plants=together(*plants),
     )

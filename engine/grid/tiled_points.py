@@ -98,6 +98,14 @@ class Tiles:
             slice(j * self.side[1], min((j + 1) * self.side[1], self.shape[1])),
         )
 
+    def widened(self, window: Window, margin: int) -> Window:
+        """A window with ``margin`` more rows and columns on each side, within the frame."""
+        rows, columns = (
+            slice(max(part.start - margin, 0), min(part.stop + margin, end))
+            for part, end in zip(window, self.shape, strict=True)
+        )
+        return rows, columns
+
     def near(self, window: Window) -> Iterator[int]:
         """The tiles that a window of the frame reaches, row by row."""
         first, last = ([part.start for part in window], [part.stop - 1 for part in window])
@@ -113,11 +121,7 @@ class Tiles:
             inner = self.window(number)
             if self.count > 1 and not all(epoch.reaches(number, within) for epoch in epochs):
                 continue
-            outer = tuple(
-                slice(max(part.start - self.margin, 0), min(part.stop + self.margin, end))
-                for part, end in zip(inner, self.shape, strict=True)
-            )
-            yield (outer[0], outer[1]), inner
+            yield self.widened(inner, self.margin), inner
 
 
 class Reaching(Protocol):

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...interface.seen import COMPARED, EXCLUDED, NOT_IN_BOTH, NOT_IN_FIRST, NOT_IN_LATER, OUTSIDE, TOO_FEW
+
 Colour = tuple[int, int, int]
 
 # Share of the range, colour of lowering, colour of raising.
@@ -39,6 +41,16 @@ LIKELIHOOD: tuple[tuple[float, Colour], ...] = (
     (0.75, (0x88, 0x88, 0x88)),
     (1.0, (0x5E, 0x5E, 0x5E)),
 )
+SEEN: dict[int, tuple[int, int, int, int]] = {
+    OUTSIDE: (255, 255, 255, 0),
+    COMPARED: (255, 255, 255, 0),
+    NOT_IN_FIRST: (0xE3, 0xB5, 0x05, 150),
+    NOT_IN_LATER: (0xB8, 0x86, 0x0B, 190),
+    NOT_IN_BOTH: (0x5C, 0x43, 0x1A, 190),
+    TOO_FEW: (0xE8, 0xDC, 0xA8, 150),
+    EXCLUDED: (0x20, 0x20, 0x20, 190),
+}
+"""Of the classes of what was seen: ochre, which is no colour of a change; what was compared is left to the change."""
 BELOW_LEVEL: Colour = (0x8C, 0x8C, 0x8C)
 SLIDING_TINTS: tuple[Colour, ...] = (
     (0x6A, 0x3D, 0x9A), (0x8C, 0x68, 0xB5), (0xAE, 0x94, 0xCF), (0xC9, 0xB8, 0xDF),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...interface.seen import LABELS, NOT_SEEN
 from ..core.staged_outputs import atomic_output
 from ..core.templates import render
 from ..series.alerts import AlertLevel
@@ -20,6 +21,7 @@ from .palette import (
     BELOW_LEVEL,
     DIVERGING,
     LIKELIHOOD,
+    SEEN,
     SEQUENTIAL,
     SLIDING_LINE,
     SLIDING_TINTS,
@@ -125,6 +127,12 @@ def confirmed_qml(largest: int) -> str:
     """Style of the raster of comparisons in a row that confirm a cell, up to ``largest``: none is transparent."""
     places = np.rint(np.linspace(0, len(SEQUENTIAL) - 1, max(largest, 1) + 1)).astype(int)
     return render(_TEMPLATES / "counts.qml.j2", colours=[hexadecimal(SEQUENTIAL[place][1]) for place in places])
+
+
+def seen_qml(present: Iterable[int]) -> str:
+    """Style of the raster of what was seen, with the classes that are ``present``; those not seen are coloured."""
+    entries = [(one, hexadecimal(SEEN[one][:3]), SEEN[one][3], LABELS[one]) for one in present if one in NOT_SEEN]
+    return render(_TEMPLATES / "seen.qml.j2", entries=entries)
 
 
 def zones_qml(*, located: bool = False) -> str:

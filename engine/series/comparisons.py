@@ -12,7 +12,7 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import ChangeParameters, GridChangeParameters
-from ..change.difference import Areas, cells_inside, difference_of_blocks, difference_of_cells, stated_registration
+from ..change.difference import Areas, cells_to_compare, difference_of_blocks, difference_of_cells, stated_registration
 from ..change.doubts import warn_of_doubtful_change
 from ..change.result import Change
 from ..core.arrays import Float
@@ -115,6 +115,6 @@ def _difference(
     assert isinstance(after, KeptMoments)
     assert isinstance(parameters, ChangeParameters)
     error = stated_registration(parameters, error)
-    inside = None if area is None else cells_inside(area, grid)
-    cells = adaptive_cells_of_moments(before, after, grid, parameters, registration_error=error, inside=inside)
-    return difference_of_blocks(cells, grid, parameters, registration_error=error, stable=stable).whole()
+    seen = cells_to_compare(Areas(area), grid)
+    cells = adaptive_cells_of_moments(before, after, grid, parameters, registration_error=error, inside=seen.allowed)
+    return difference_of_blocks(cells, grid, parameters, registration_error=error, stable=stable, seen=seen).whole()

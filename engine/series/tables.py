@@ -15,7 +15,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from ..change.coverage import ground_compared
+from ...interface.seen import COMPARED, NOT_IN_BOTH, NOT_IN_FIRST, NOT_IN_LATER, TOO_FEW
+from ..change.coverage import seen
 from ..change.result import Change
 from ..core.arrays import Float
 from ..core.table_text import cell
@@ -138,11 +139,12 @@ def coverage_rows(changes: Iterable[Change], about: About) -> list[dict[str, Any
     """
     rows = []
     for day, change in zip(about.dates[1:], changes, strict=True):
-        found = ground_compared(change)
-        valid = change.valid
-        density = [float(count[valid].sum()) / max(found.compared, 1e-9) for count in change.points]
+        found, valid = seen(change), change.valid
+        compared = found.area(COMPARED)
+        density = [float(count[valid].sum()) / max(compared, 1e-9) for count in change.points]
         values = (
-            found.share, found.compared, found.only_first, found.only_second, found.too_few,
+            found.share(COMPARED), compared, found.area(NOT_IN_LATER), found.area(NOT_IN_FIRST),
+            found.area(TOO_FEW, NOT_IN_BOTH),
             np.median(change.partition.sizes[valid]), density[1], density[0], np.median(change.error[valid]),
             0.0 if change.plant_like is None else np.count_nonzero(change.plant_like) * change.grid.cell**2,
         )  # fmt: skip

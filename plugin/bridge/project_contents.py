@@ -86,6 +86,7 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
 }
 _RASTERS: dict[str, tuple[str, str, bool]] = {
     "significant_change": ("Significant change (m)", CHANGE, True),
+    "seen": ("Seen and not seen", CHANGE, True),
     "elevation_change": ("Elevation change (m)", CHANGE, False),
     "velocity": ("Velocity (mm/day)", CHANGE, True),
     "velocity_error": ("Standard error of the velocity (mm/day)", CHANGE, False),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import CRS
+from slopewatch.interface.seen import COMPARED, LABELS, NODATA, NOT_IN_LATER, OUTSIDE
 from slopewatch.tests.builders.program import run
 
 
@@ -57,12 +58,22 @@ def test_sparse_ground_speaks_where_cells_grow(tmp_path):
         rows, columns = np.indices(dz.shape)
         x, y = raster.transform * (columns + 0.5, rows + 0.5)
     assert np.array_equal(dz.mask, sizes.mask)
+    with rasterio.open(grown["outputs"]["seen"]) as raster:
+        seen, colours, tags = raster.read(1), raster.colormap(1), raster.tags()
+        assert (raster.dtypes, raster.nodata) == (("uint8",), NODATA)
+    assert np.array_equal(seen == COMPARED, ~dz.mask)
+    assert colours[NOT_IN_LATER] != colours[COMPARED]
+    assert tags["CLASS_3"] == LABELS[NOT_IN_LATER]
     inside = (x > 500_013.6) & (x < 500_016.4) & (y > 3_500_007.6) & (y < 3_500_012.4)
     assert dz[inside].mean() == pytest.approx(-0.15, abs=0.01)
     assert grown["metrics"]["zone_count"] == 1
     assert grown["metrics"]["zone_area_m2"] == pytest.approx(48, rel=0.25)
     assert grown["metrics"]["cell_size_median_m"] == pytest.approx(float(np.ma.median(sizes)))
     record = json.loads((tmp_path / "grown" / "run.json").read_text())
+    shares = record["seen"]
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares["compared"] == grown["metrics"]["compared_share"]
+    assert shares["not_in_later"] == pytest.approx((seen == NOT_IN_LATER).sum() / (seen != OUTSIDE).sum())
     assert record["parameters"]["change"]["adaptive"] is True
     for name in ("elevation_change", "level_of_detection", "cell_size", "zones"):
         assert Path(grown["outputs"][name]).read_bytes() == Path(again["outputs"][name]).read_bytes(), name

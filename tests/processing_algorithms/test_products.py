@@ -60,7 +60,7 @@ raster("significant_change", "significant_change.tif", 0.5)
 raster("heatmap_raster", "heatmap.tif", 1)
 raster("top_view", "top_view.tif", 2)
 for number, key in enumerate(
-    ("change_probability", "cell_size", "plant_error", "plant_change", "point_counts"), 3
+    ("change_probability", "cell_size", "plant_error", "plant_change", "point_counts", "seen"), 3
 ):
     raster(key, key + ".tif", number)
 raster("surface_heights", "surface_heights.tif", 7, 8)
@@ -217,6 +217,7 @@ class TestLoading:
             ("Change by class of asset", False),
             ("Footprints of the volumes", False),
             ("Significant change (m)", True),
+            ("Seen and not seen", True),
             ("Elevation change (m)", False),
             ("Level of detection (m)", False),
             ("Probability of change", False),

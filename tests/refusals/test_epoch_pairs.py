@@ -87,7 +87,8 @@ def test_30_no_overlap_names_both_extents(first, work):
 def test_31_a_tiny_overlap_is_said():
     progress = Progress()
     warn_of_doubtful_change(difference(slope(1), slope(2) + [10.0, 0, 0], COARSE), progress)
-    (sentence,) = [w for w in progress.warnings if "could be compared" in w]
+    sentence = progress.warnings[0]
+    assert [sentence] == [w for w in progress.warnings if "was seen by both surveys" in w]
     assert "check that both cover the same slope" in sentence or "cells of" in sentence
 
 

@@ -12,7 +12,7 @@ import geopandas as gpd
 import numpy as np
 from pyproj import CRS
 
-from ...engine.change.coverage import compared_share
+from ...engine.change.coverage import Seen, seen
 from ...engine.change.result import Change
 from ...engine.core.staged_outputs import Stage
 from ...engine.core.version import VERSION
@@ -20,6 +20,7 @@ from ...engine.elevation_models.model import EPOCHS, SURFACE_BAND
 from ...engine.epochs.epoch import Epoch
 from ...engine.geometry.rigid_transform import RigidTransform
 from ...engine.grid import geotiff
+from ...engine.grid.grid import Grid
 from ...engine.maps import palette, qgis_styles, top_view
 from ...engine.maps.heatmap import write_heatmap_png
 from ...engine.maps.heatmap_image import make_heatmap
@@ -36,6 +37,7 @@ from ...engine.zones.movement import MOVEMENTS
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
 from ...interface.parameters import ChangeParameters, HeatmapParameters, given
+from ...interface.seen import COMPARED, LABELS, RASTER
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
@@ -44,6 +46,7 @@ from .masked_raster import Legend, write_masked_raster
 
 CHANGE_OUTPUTS = (
     "elevation_change.tif",
+    RASTER,
     "level_of_detection.tif",
     "significant_change.tif",
     "zones.gpkg",
@@ -124,6 +127,8 @@ def write_products(
         change.dz[change.significant], given(settings.heatmap.colour_range), level=change.median_level
     )
     run.outputs |= _write_rasters(change, context, tags, limit, run.stage)
+    of_slope = seen(change)
+    run.outputs |= _write_seen(of_slope, change.grid, context, tags, run.stage)
     progress.update(0.3, "outlining zones")
     found = zones or change_zones(
         change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
@@ -139,6 +144,7 @@ def write_products(
     terms = error_terms(change)
     facts["level_of_detection"] = change.level_facts() | ({"terms": terms} if terms else {})
     facts["volumes"] = table.facts()
+    facts["seen"] = of_slope.shares()
     if not context.counted:
         del facts["density"]
     if change.season is not None:
@@ -160,7 +166,8 @@ def write_products(
     progress.update(1.0, "taking profiles")
     run.outputs |= files
     run.facts |= facts
-    run.figures |= main_figures(change, found.frame) | table.figures() | {"unsure_groups": found.unsure_groups}
+    run.figures |= main_figures(change, found.frame, of_slope) | table.figures()
+    run.figures["unsure_groups"] = found.unsure_groups
     if change.plants is not None:
         run.figures["groups_within_plant_error"] = found.within_plants
 
@@ -229,7 +236,7 @@ def profile_products(
     return write_profiles(profiles, crs, stage, stamp), [p.facts() for p in profiles]
 
 
-def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
+def main_figures(change: Change, found: gpd.GeoDataFrame, of_slope: Seen) -> dict[str, Any]:
     """The figures that a user reads first; lengths in metres, areas in m², volumes in m³."""
     dz = change.dz[change.valid]
     area = change.grid.cell**2
@@ -242,8 +249,8 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     return grown | {
         "common_cell_rate": change.common_cell_rate,
         "common_area_m2": float(change.valid.sum() * area),
-        "compared_share": compared_share(change),
-        "overlap_compared_share": compared_share(change, both=True),
+        "compared_share": of_slope.share(COMPARED),
+        "overlap_compared_share": of_slope.share_of_both,
         "lod_median_m": change.median_level,
         "confidence": change.confidence,
         "registration_error_m": change.registration_error,
@@ -345,6 +352,17 @@ def _write_rasters(
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs | _write_surfaces(change, context, tags, stage)
+
+
+def _write_seen(of_slope: Seen, grid: Grid, context: Context, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
+    """Which cells were compared, and why the others were not; colours only for what occurs."""
+    path = stage.path(RASTER)
+    present = [one for one in LABELS if of_slope.area(one)]
+    looks = {one: (LABELS[one], palette.SEEN[one]) for one in LABELS}
+    words = "Cells of the slope that were compared, and why others were not"
+    geotiff.write_classes(path, of_slope.classes, grid, context.crs, looks, description=words, tags=tags)
+    qgis_styles.write_qml_next_to(path, qgis_styles.seen_qml(present))
+    return {"seen": stage.final(path.name)}
 
 
 def _write_surfaces(change: Change, context: Context, tags: dict[str, str], stage: Stage) -> dict[str, Path]:

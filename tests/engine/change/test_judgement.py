@@ -118,7 +118,7 @@ def test_little_compared_ground_comes_with_what_would_help_there():
     for may_grow in (True, False):
         progress = Progress()
         warn_of_doubtful_change(change, progress, may_grow=may_grow)
-        said[may_grow] = next(w for w in progress.warnings if "could be compared" in w)
+        said[may_grow] = next(w for w in progress.warnings if "was seen by both surveys" in w)
     assert "cells that grow" in said[True]
     assert "cells that grow" not in said[False]
     assert said[False].endswith("would compare most of it.")

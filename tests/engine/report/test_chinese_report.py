@@ -77,11 +77,11 @@ def test_the_default_alerts_have_chinese_names_and_actions():
 def test_a_sentence_with_lists_and_a_day_before_it_is_known_as_a_whole():
     say = translator("zh_CN")
     compared = (
-        "2024-05-31: Only 33 % of the ground that the surveys reached could be compared; the rest has no points of "
-        "both epochs in a cell, and zones and volumes leave it out; cells of 0.2 m would compare most of it."
+        "2024-05-31: Only 23 % of the slope was seen by both surveys; nothing is known of the rest, and zones and "
+        "volumes leave it out; cells of 0.2 m would compare most of it."
     )
     assert say(compared) == (
-        "2024-05-31：测量所及的地面仅有33%可以比较；其余地面没有单元同时含有两期的点，不计入变化区和体积；"
+        "2024-05-31：两期测量都看到的仅占边坡的23%；其余部分情况不明，不计入变化区和体积；"
         "采用0.2 m的单元可比较其中的大部分。"
     )
     covered = (
