@@ -42,7 +42,7 @@ def test_what_both_surveys_reached_counts_by_itself():
 
 @pytest.mark.parametrize("cell", [0.2, 0.5, 2.0])
 def test_only_cells_with_ground_of_both_surveys_nearby_are_compared(cell):
-    """Distances to all points say which cells are not seen by which survey: the first has a hole, the second another."""
+    """Distances to all points say which cells a survey does not see: the first has a hole, the second another."""
     rng = np.random.default_rng(7)
     first, second = slope(3, 900), slope(4, 900)
     first = first[np.hypot(first[:, 0] - 6, first[:, 1] - 6) > 3.5]
