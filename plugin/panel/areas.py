@@ -158,9 +158,7 @@ def _add(layer: QgsVectorLayer, polygon: QgsGeometry, crs: Any, project: QgsProj
     for name, text in (values or {"name": str(layer.featureCount() + 1)}).items():
         feature[name] = text
     feature.setGeometry(shape)
-    layer.dataProvider().enterUpdateMode()
     added, _ = layer.dataProvider().addFeatures([feature])
-    layer.dataProvider().leaveUpdateMode()  # else what was added stays beside the file until the layer is closed
     if not added:
         raise AreaError(tr("{} cannot be written: {}.").format(layer.source(), tr("choose another folder")))
     layer.updateExtents()

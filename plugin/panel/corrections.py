@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +74,9 @@ class CorrectionsButton(QToolButton):
         except AreaError as error:
             self._say(str(error), True)
             return
+        # until the layer is closed QGIS keeps what was added beside the file, whose hash a run records
+        with closing(sqlite3.connect(folder / FILE)) as database:
+            database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         self._say(tr("The correction is kept in {}. Run again uses it.").format(folder / FILE), False)
 
     def run_again(self) -> None:

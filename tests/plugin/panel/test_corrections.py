@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,8 @@ def test_what_is_drawn_is_kept_beside_the_results_with_its_action_and_reason(
         draw(panel, number)
         if number == 1:
             QgsProject.instance().clear()  # in another session the file goes on
-    layer = QgsVectorLayer(f"{folder / FILE}|layername=corrections", "", "ogr")
+    copy = shutil.copy(folder / FILE, folder / "copy.gpkg")  # without what QGIS keeps beside it
+    layer = QgsVectorLayer(f"{copy}|layername=corrections", "", "ogr")
     found = [(f["action"], f["reason"], f["epoch"] or "") for f in layer.getFeatures()]
     assert found == [(action, "heap of the works", "") for action in ACTIONS]
     side = 200 * panel._canvas.mapUnitsPerPixel()
