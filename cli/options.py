@@ -88,16 +88,20 @@ Group = TypeVar("Group", bound=ParameterSet)
 
 @dataclass(frozen=True)
 class Session:
-    """What a command gets in addition to its own arguments: where to report, which PDAL, and the options given."""
+    """What a command gets in addition to its own arguments: where to report, which PDAL, its parameter groups, and the
+    options given.
+    """
 
     report: Reporter
     pdal: Path | None
     profile: str
+    groups: tuple[type[ParameterSet], ...]
     values: dict[str, Any]
 
     def parameters(self, group: type[Group]) -> Group:
-        """The parameter group: the profile's values overridden by the options given."""
-        return group.build(self.values, self.profile)
+        """The parameter group: the profile's values overridden by the options given, which are of the command's own."""
+        own = any(issubclass(one, group) for one in self.groups)
+        return group.build(self.values if own else {}, self.profile)
 
     @property
     def overwrite(self) -> bool:
@@ -224,7 +228,7 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
                 if temporary is not None:
                     temporary_folders.choose(temporary)
                 used, chosen = _with_settings(settings, groups, values, profile, report)
-                return function(Session(report, pdal, chosen, used), **arguments)
+                return function(Session(report, pdal, chosen, groups, used), **arguments)
 
             sys.exit(_run(report, debug, work, name=command_name(click.get_current_context())))
 

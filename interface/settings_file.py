@@ -45,7 +45,8 @@ class GivenSettings:
 
     def over(self, groups: Sequence[type[ParameterSet]], profile: str) -> dict[str, Any]:
         """The values that differ from those of a profile, by name."""
-        used = {name: value for group in groups for name, value in vars(group.build(profile=profile)).items()}
+        built = [(group, group.build(profile=profile)) for group in groups]
+        used = {s.name: getattr(values, s.name) for group, values in built for s in group.specifications()}
         return {name: value for name, value in self.values.items() if value != used.get(name)}
 
 

@@ -14,7 +14,7 @@ from ..engine.core.run_result import RunResult
 from .conclusions_of_tools import OF_TOOLS
 from .figures_in_words import Figures, counted, measured, number, percent, plural, sentence, zones_found
 
-MOST = 11
+MOST = 12
 """Sentences at most."""
 
 # Outputs that people open first, in that order; two of them are named.
@@ -68,10 +68,10 @@ def _change(f: Figures) -> list[str]:
             "The largest lowering in a zone is {}, the largest raising {}.",
             measured(f, "largest_sink_m", "m", sign=False), measured(f, "largest_rise_m", "m"),
         ) if count and not only_slid else "",
+        _seen(f),
         sentence(
-            "{} of the ground that the surveys reached was compared; change below the level of detection, {} in the "
-            "median, cannot be distinguished from none.",
-            percent(f, "compared_share"), measured(f, "lod_median_m", "m"),
+            "Change below the level of detection, {} in the median, cannot be distinguished from none.",
+            measured(f, "lod_median_m", "m"),
         ),
         _slid(f),
         _objects(f),
@@ -79,6 +79,24 @@ def _change(f: Figures) -> list[str]:
         _biased(f),
         _confirmed(f),
     ]  # fmt: skip
+
+
+_UNSEEN = {
+    "not_in_first": "{} of the slope was compared; {} has no ground in the first survey.",
+    "not_in_later": "{} of the slope was compared; {} has no ground in the later survey.",
+    "not_in_both": "{} of the slope was compared; {} has no ground in both surveys.",
+    "too_few": "{} of the slope was compared; {} has too few ground points.",
+    "excluded": "{} of the slope was compared; {} was excluded by hand.",
+}
+"""By the class of ``interface.seen`` that holds most of what was not compared."""
+
+
+def _seen(f: Figures) -> str:
+    shares = {name: f[f"{name}_share"] for name in _UNSEEN if f.get(f"{name}_share")}
+    if not shares:
+        return sentence("{} of the slope was compared.", percent(f, "compared_share"))
+    most = max(shares, key=lambda name: shares[name])
+    return sentence(_UNSEEN[most], percent(f, "compared_share"), percent(f, f"{most}_share"))
 
 
 def _dem_change(f: Figures) -> list[str]:

@@ -18,6 +18,7 @@ class Values:
     """The parameters that a caller gave, returned by set."""
 
     def __init__(self, given: dict[str, Any], sets: command_sets.Sets) -> None:
+        self._sets = sets
         profile, path = given.pop("profile", None), given.pop("settings", None)
         read = GivenSettings({}) if path is None else _settings(Path(path), sets)
         self._profile = profile or read.profile or "default"
@@ -41,8 +42,10 @@ class Values:
         return dict(self._given)
 
     def of(self, group: type[Group]) -> Group:
+        """A set; what was given is of the sets of the call, and two sets may have a name in common."""
+        own = any(issubclass(one, group) for one in self._sets)
         try:
-            return group.build(self._given, self._profile)
+            return group.build(self._given if own else {}, self._profile)
         except ParameterError as wrong:
             raise InputError(f"{wrong}.") from None
 

@@ -51,6 +51,7 @@ from .pair import (
     Cloud,
     common_area,
     compare_pair,
+    excluded_of_pair,
     ground_on_disk,
     is_large,
     register_pair,
@@ -354,7 +355,9 @@ def _registered(task: _Inspection, first: Cloud, second: Cloud) -> RegistrationR
 def _difference(task: _Inspection, first: Cloud, moved: Cloud, registration: RegistrationResult) -> Change:
     with task.run.step("change", 0.79, 0.83, "differencing"):
         known = stable_area(task.stable, first.crs, task.run.progress)
-        areas = Areas(common_area(task.roi, first, registration.transform, task.corrections), known)
+        transform = registration.transform
+        excluded = excluded_of_pair(task.corrections, task.pair, first, transform)
+        areas = Areas(common_area(task.roi, first, transform), known, excluded)
         error = registration.registration_error
         return compare_pair(first, moved, task.settings.change, areas, error, task.run.progress)
 

@@ -10,7 +10,7 @@ from pyproj import CRS
 from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
-from ..engine.change.difference import Areas, listed_difference
+from ..engine.change.difference import Areas, either_area, listed_difference
 from ..engine.change.doubts import warn_of_doubtful_change
 from ..engine.change.result import Change
 from ..engine.core.progress import Progress
@@ -104,23 +104,37 @@ def stable_area(path: Path | None, crs: CRS, progress: Progress | None = None) -
     return area.geometry
 
 
-def common_area(
-    path: Path | None, first: Cloud, transform: RigidTransform, corrections: Corrections | None = None
-) -> BaseGeometry | None:
-    """The region of interest without excluded areas as both epochs hold it: the later cloud was clipped before it was
-    moved. None for all that the clouds cover.
-
-    Args:
-        corrections: those that hold for either epoch.
-    """
-    area = None if path is None else read_roi(path, first.crs).geometry
-    area = area if corrections is None else corrections.outside(area, EXCLUDE)
-    if area is None:
+def common_area(path: Path | None, first: Cloud, transform: RigidTransform) -> BaseGeometry | None:
+    """The region of interest as both epochs hold it: the later cloud was clipped before it was moved."""
+    if path is None:
         return None
+    area = read_roi(path, first.crs).geometry
+    return area.intersection(_moved_area(area, first, transform))
+
+
+def excluded_area(corrections: Corrections | None, first: Cloud, transform: RigidTransform) -> BaseGeometry | None:
+    """What one survey's corrections exclude, in the frame of the first one; None for nothing."""
+    area = None if corrections is None else corrections.shape(EXCLUDE)
+    return None if area is None or area.is_empty else _moved_area(area, first, transform)
+
+
+def excluded_of_pair(
+    corrections: Corrections | None, pair: tuple[Epoch, Epoch], first: Cloud, transform: RigidTransform
+) -> BaseGeometry | None:
+    """What the corrections of either survey exclude, in the frame of the first one; None for nothing."""
+    if corrections is None:
+        return None
+    moves = (RigidTransform.identity(), transform)
+    areas = (excluded_area(corrections.of(e.date), first, move) for e, move in zip(pair, moves, strict=True))
+    return either_area(*areas)
+
+
+def _moved_area(area: BaseGeometry, first: Cloud, transform: RigidTransform) -> BaseGeometry:
+    """An area of the later survey, in the frame of the first one."""
     height = first.median_height() if isinstance(first, SpooledCloud) else float(np.median(first.xyz[:, 2]))
     middle = np.array([[area.centroid.x, area.centroid.y, height]])
     shift = (transform.apply(middle) - middle)[0]
-    return area.intersection(translate(area, shift[0], shift[1]))
+    return translate(area, shift[0], shift[1])
 
 
 def compare_pair(

@@ -41,7 +41,7 @@ from ..engine.vector.area import read_roi
 from ..engine.vector.corrections import Corrections
 from ..interface.corrections import EXCLUDE, NOT_GROUND
 from ..interface.parameters import ChangeParameters, GridChangeParameters
-from .pair import Cloud, common_area, is_large, register_pair, survey_of
+from .pair import Cloud, common_area, excluded_area, is_large, register_pair, survey_of
 from .series_store import Entry, Store, key_of, load_cells, save_cells
 from .settings import SeriesSettings
 
@@ -308,7 +308,8 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         stored=partial(_stored, task, number, ground, transform),
         ground=epoch.path if ground is None else ground.path,
         key=key_of(ground=_ground_key(task, number), transform=key),
-        area=common_area(task.roi, first, transform, task.corrected(number)),
+        area=common_area(task.roi, first, transform),
+        excluded=excluded_area(task.corrected(number), first, transform),
         facts={k: v for k, v in facts.items() if k != "warnings"},
         made=tuple(made),
     )

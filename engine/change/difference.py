@@ -61,6 +61,11 @@ class Areas:
     excluded: BaseGeometry | None = None
 
 
+def either_area(first: BaseGeometry | None, second: BaseGeometry | None) -> BaseGeometry | None:
+    """What either of two areas holds; None for nothing."""
+    return first if second is None else second if first is None else first.union(second)
+
+
 def difference(
     reference: Float,
     moving: Float,

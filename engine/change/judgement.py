@@ -80,17 +80,28 @@ def judge(
             measured = replace(measured, sampling=measured.sampling * widening_by_size(measured, stable, **known))
         model = _calibrated(measured, stable, known)
         model = replace(model, changed_share=ground.changed_share if given is None else None)
-    dz, slope, plants = measured.dz, measured.slope, measured.plants
-    here = np.flatnonzero(np.isfinite(dz))
-    scaled = on_grid(here, model.factor(slope.ravel()[here]) * measured.sampling.ravel()[here], dz.shape)
+    dz, plants = measured.dz, measured.plants
+    scaled = _scaled(measured, model)
     if plants is not None and parameters.calibrate and not uniform and ground.settled:
         factor = plants_factor(dz, scaled, plants.error, stable, squares_of(partition.layout, partition.cell), **known)
         plants = plants.scaled(factor)
+        if factor == 0.0 and model.typical == 1.0:
+            # held at 1 because vegetation covers all, and alone as large as the changes of stable ground
+            measured = replace(measured, plants=plants)
+            model = replace(_calibrated(measured, stable, known), changed_share=model.changed_share)
+            scaled = _scaled(measured, model)
     error = np.hypot(scaled, registration_error)
     if plants is not None:
         error = np.hypot(error, plants.error)
     decision = decide(dz, error, parameters, partition)
     return Judgement(dz, error, decision, model, ground.stable, registration_error, scaled, plants, factor)
+
+
+def _scaled(measured: Measured, model: ErrorModel) -> Float:
+    """The sampling error as the model has it, an array as in ``Measured``."""
+    here = np.flatnonzero(np.isfinite(measured.dz))
+    scaled = model.factor(measured.slope.ravel()[here]) * measured.sampling.ravel()[here]
+    return on_grid(here, scaled, measured.dz.shape)
 
 
 class _Known(TypedDict):

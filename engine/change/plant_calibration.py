@@ -18,7 +18,6 @@ from ..statistics.quantiles import sample_quantile
 PATCH_M = 2.0
 """Side of the squares that count as one sample each, m: plants' errors are alike over about this distance."""
 MIN_PATCHES = 20
-MIN_FACTOR = 0.4
 
 
 def plants_factor(
@@ -31,7 +30,7 @@ def plants_factor(
     registration_error: float,
     confidence: float,
 ) -> float:
-    """Factor, at most 1, of the error by plants with which 1 - ``confidence`` of stable cells under plants are beyond.
+    """Factor, 0 to 1, of the error by plants with which 1 - ``confidence`` of stable cells under plants are beyond.
 
     Each epoch's cloud states its error against the true ground, of which two surveys of one season have much in common:
     the same grass on the same ground lifts both alike. Where the season differs nothing cancels. Which it is shows on
@@ -58,7 +57,7 @@ def plants_factor(
         (dz[under_plants] / quantile(confidence)) ** 2 - sampling[under_plants] ** 2 - registration_error**2
     ) / plants[under_plants] ** 2
     surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
-    return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), MIN_FACTOR, 1.0))
+    return min(math.sqrt(max(sample_quantile(needed, surer), 0.0)), 1.0)
 
 
 def squares_of(layout: Layout, cell: float) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Float
 from .measured import Measured
+from .plant_calibration import plants_factor, squares_of
 from .stable_cells import changed_cells, find_stable
 
 MAX_CHANGED_SHARE = 0.3
@@ -54,7 +55,7 @@ def stable_ground(
     number = max(int(valid.sum()), 1)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
-        found = find_stable(dz, sampling, slope, partition, plants)
+        found = find_stable(dz, sampling, slope, partition, _usual_error(measured))
     looks_stable = float(found.sum()) / number
     if given is not None:
         return StableGround(with_other_slopes(given & valid, found, slope), 0.0, looks_stable, settled=True)
@@ -67,6 +68,21 @@ def stable_ground(
     if share > MAX_CHANGED_SHARE or looks_stable < MIN_STABLE_SHARE:
         return StableGround(found & ~changed, share, looks_stable, settled=False)
     return StableGround(found, share, looks_stable, settled=True)
+
+
+def _usual_error(measured: Measured) -> Float | None:
+    """Error by plants that half of all compared cells show, at most the stated one: it is no measure of a change.
+
+    In surveys of one season a small part of the stated error is left. A change within five times the stated error would
+    pass for stable ground.
+    """
+    plants, partition = measured.by_plants, measured.partition
+    if plants is None:
+        return None
+    compared = partition.one_each(np.isfinite(measured.dz))
+    squares = squares_of(partition.layout, partition.cell)
+    median = {"registration_error": 0.0, "confidence": 0.5}
+    return plants * plants_factor(measured.dz, measured.sampling, plants, compared, squares, **median)
 
 
 def with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:

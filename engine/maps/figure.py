@@ -40,6 +40,7 @@ from .map_parts import (
 )
 from .palette import veiled
 from .picture_words import fonts, picture_language, say
+from .unseen import draw_unseen, draw_unseen_key
 
 DPI = 150
 _MAX_PIXELS = 2000  # longest side of the picture that is drawn
@@ -119,6 +120,7 @@ def make_figure(
     outlined = zones is not None and len(zones) > 0
     if zones is not None and outlined:
         _draw_zones(axes, layout, heatmap, zones)
+    unseen = heatmap.unseen is not None and draw_unseen(axes, heatmap.unseen, inches_a_metre)
     if layout.at_the_side:
         x, top = layout.width - _RIGHT - _COLUMN + 0.35, layout.map_bottom + layout.map_height
         draw_north(sheet, x + 0.12, top - 0.5)
@@ -132,8 +134,10 @@ def make_figure(
         keys = _LEFT + 7.0, 0.75
     grey = veiled(heatmap.backdrop, heatmap.opacity) / 255.0
     draw_key(sheet, *keys, [say(line) for line in heatmap.words.veil], face=f"{grey:.4f}")
+    if unseen:
+        draw_unseen_key(sheet, keys[0], keys[1] - 0.28)
     if outlined:
-        draw_key(sheet, keys[0], keys[1] - 0.34, [say(heatmap.words.outline)], edge=INK)
+        draw_key(sheet, keys[0], keys[1] - (0.52 if unseen else 0.34), [say(heatmap.words.outline)], edge=INK)
     return sheet.figure
 
 

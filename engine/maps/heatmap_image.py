@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...interface.parameters import HeatmapParameters, given
+from ..core.arrays import Bool
 from ..grid.grid import Grid
 from ..statistics.layout import Laid, laid
 from .palette import colour_limit, diverging_colours, veiled
@@ -17,6 +18,14 @@ from .top_view import TopView
 _FADE = 0.6
 _AT_ONCE = 1_000_000  # pixels that are coloured at a time
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Cells (rows, columns) of a slope that were not compared, on their grid."""
+
+    cells: Bool
+    grid: Grid
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class Heatmap:
 
     ``level`` is the median level of detection in metres, NaN if there is none; ``opacity`` that of the change and
     ``backdrop`` the mean lightness (0 to 255) of what it lies on, for a legend in the map's own colours. ``words`` are
-    what the map says.
+    what the map says. A map hatches the cells that are ``unseen``.
     """
 
     rgba: NDArray[np.uint8]
@@ -53,6 +62,7 @@ class Heatmap:
     opacity: float
     backdrop: float
     significant_cells: int
+    unseen: Unseen | None = None
     words: Words = field(default_factory=Words)
 
 

@@ -51,6 +51,8 @@ SEEN: dict[int, tuple[int, int, int, int]] = {
     EXCLUDED: (0x20, 0x20, 0x20, 190),
 }
 """Of the classes of what was seen: ochre, which is no colour of a change; what was compared is left to the change."""
+UNSEEN_FILL, UNSEEN_STRIPE = (0xE3, 0xB5, 0x05, 70), (0x5C, 0x43, 0x1A, 220)
+"""Red, green, blue and opacity of the hatching over all that was not seen."""
 BELOW_LEVEL: Colour = (0x8C, 0x8C, 0x8C)
 SLIDING_TINTS: tuple[Colour, ...] = (
     (0x6A, 0x3D, 0x9A), (0x8C, 0x68, 0xB5), (0xAE, 0x94, 0xCF), (0xC9, 0xB8, 0xDF),

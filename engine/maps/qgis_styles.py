@@ -19,7 +19,7 @@ from ..objects.table import FIELDS as OBJECT_FIELDS
 from ..series.alerts import AlertLevel
 from ..series.tables import SERIES_FIELDS, ZONE_FIELDS
 from ..vector.review_fields import LOCATION_FIELDS, PLACE_FIELDS, REVIEW_FIELDS, STATES
-from ..zones.fields import FIELDS, KINDS, SEVERITIES, SLIDING
+from ..zones.fields import FIELDS, KINDS, REASONS, SEVERITIES, SLIDING, UNSURE_FIELDS
 from .palette import (
     BELOW_LEVEL,
     DIVERGING,
@@ -57,6 +57,12 @@ _OBJECT_LOOKS: tuple[tuple[str, Colour, int, Colour, float], ...] = (
     (VEGETATION, (120, 180, 110), 40, (90, 140, 80), 0.2),
 )
 """Of objects by kind: fill, opacity, colour and width (mm) of the line."""
+_REASONS = {
+    "chance": "No zone: noise alone may make it",
+    "vegetation": "No zone: within the error by vegetation",
+    "season": "No zone: the vegetation differs as much",
+    "small": "No zone: smaller than the minimum size",
+}
 _STATES = ("lowered", "raised", "below its level", "not measured")
 
 
@@ -193,6 +199,12 @@ def objects_qml() -> str:
         for new, change in ((True, APPEARED), (False, VANISHED))
     ]
     return _polygons_qml("objects", _fields(OBJECT_FIELDS, "objects"), categories)
+
+
+def unsure_qml() -> str:
+    """Style of the groups that are no zones: grey and faint, a category for each reason, labelled with their ids."""
+    categories = [_category(reason, _REASONS[reason], _GROUND, 45, (110, 110, 110), 0.3) for reason in REASONS]
+    return _polygons_qml("unsure", _fields(UNSURE_FIELDS), categories)
 
 
 def series_zones_qml(alerts: Iterable[AlertLevel], *, located: bool = False) -> str:

@@ -27,7 +27,8 @@ _MIN_POINTS = 300
 _SOURCES = 25_000
 _MAX_STEPS = 24
 _MAX_OFFSET_SCALES = 5.0  # times the noise of the residuals: how far the registration of all ground may be off
-_MAX_SCALE_RATIO = 1.2  # times the smaller noise: two places that fit equally well
+MAX_SCALE_RATIO = 1.2
+"""Times the smaller noise of residuals: two places that fit equally well."""
 _MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces are imprecise
 _PLACES = 5_000
 
@@ -152,7 +153,7 @@ def _slid(pose: Pose, whole: Alignment, covered: Matcher, sources: tuple[Index, 
     if not ends:
         return None
     ends.sort(key=lambda end: end.scale)
-    if len(ends) == 2 and ends[1].scale < _MAX_SCALE_RATIO * ends[0].scale:
+    if len(ends) == 2 and ends[1].scale < MAX_SCALE_RATIO * ends[0].scale:
         away = np.linalg.norm(ends[1].pose.vector(radius) - ends[0].pose.vector(radius))
         if away > spacing / 2:
             return None

@@ -15,7 +15,7 @@ from ..core.progress import Progress
 from ..geometry.pose import Pose
 from ..pointcloud.plant_cover import PlantCover
 from .alignment import Alignment, align, without_slides
-from .bare_ground import Covered, align_bare, divide, offset_of_covered
+from .bare_ground import MAX_SCALE_RATIO, Covered, align_bare, divide, offset_of_covered
 from .checks import check_overlap, check_points, check_shape, inside
 from .explanation import explain
 from .icp import icp
@@ -155,6 +155,8 @@ def _surer(
     except InputError:  # the two surveys are not bare in the same places
         return all_ground
     if bare.solution.left or bare.error >= all_ground.error:
+        return all_ground
+    if bare.quality.scale > MAX_SCALE_RATIO * all_ground.quality.scale:  # bare ground that fits scatters less
         return all_ground
     offset = offset_of_covered(ground, bare.solution.pose, parameters.maximum_offset)
     return replace(bare, ground=ground, bare=True, offset=offset)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...interface.parameters import HeatmapParameters
+from ...interface.seen import RASTER
 from ..core.arrays import Float
 from ..grid.grid import Grid
 from ..grid.listed_raster import ListedRasters, read_listed
@@ -22,6 +23,7 @@ from ..maps.palette import SEQUENTIAL, Colour, colours_at, hexadecimal, sequenti
 from ..maps.picture_words import say
 from ..maps.relief import shaded_relief
 from ..maps.top_view import TopView, top_view_grid
+from ..maps.unseen import read_unseen
 from ..statistics.layout import Laid, bands, laid
 from ..vector.geopackage import read_layer
 from .embedding import Picture, map_picture
@@ -56,12 +58,12 @@ def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
         HeatmapParameters(opacity=1.0),
         limit=limit,
     )
-    drawn = replace(drawn, words=words)
+    drawn = replace(drawn, words=words, unseen=read_unseen(folder / RASTER))
     zones = read_layer(folder / "zones.gpkg", "zones") if (folder / "zones.gpkg").is_file() else None
     return map_picture(
         make_figure(drawn, zones=zones, epochs=epochs),
         "Map of the elevation change beyond its level of detection: red is lowered, blue is raised, grey is below the "
-        "level; the zones are outlined and numbered",
+        "level, hatched was not seen; the zones are outlined and numbered",
     )
 
 

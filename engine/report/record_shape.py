@@ -118,6 +118,7 @@ _CHANGE = fields(
         "cell_sizes": maybe(_ROWS),
         "density": _ROWS,
         "season": maybe(_SENTENCES),
+        "seen": maybe(table(_SHARE_OR_MORE)),
         "uniform_dz_m": maybe(_NUMBER),
         "zones": maybe(rows(fields({"zone_id": text()}, {"kind": text(), "severity": text()}))),
         "objects": rows(_OBJECT),

@@ -12,7 +12,14 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import ChangeParameters, GridChangeParameters
-from ..change.difference import Areas, cells_to_compare, difference_of_blocks, difference_of_cells, stated_registration
+from ..change.difference import (
+    Areas,
+    cells_to_compare,
+    difference_of_blocks,
+    difference_of_cells,
+    either_area,
+    stated_registration,
+)
 from ..change.doubts import warn_of_doubtful_change
 from ..change.result import Change
 from ..core.arrays import Float
@@ -40,8 +47,8 @@ class GriddedEpoch:
     stands for all that they depend on.
 
     ``registration_error`` is the standard error of a height (m), 0 for the first; ``registered`` that of all six
-    unknowns; ``area`` the part of the region of
-    interest that both it and the first survey hold. ``facts`` state what was done, and ``made`` which steps were not
+    unknowns; ``area`` the part of the region of interest that both it and the first survey hold, ``excluded`` what is
+    left out of it by hand. ``facts`` state what was done, and ``made`` which steps were not
     reused (ground, registration, cells).
     """
 
@@ -55,6 +62,7 @@ class GriddedEpoch:
     key: str
     registered: Registered
     area: BaseGeometry | None
+    excluded: BaseGeometry | None
     facts: dict[str, Any]
     made: tuple[str, ...]
 
@@ -108,13 +116,14 @@ def _difference(
 ) -> Change:
     (a, before), (b, after) = earlier, later
     area = a.area if b.area is None else b.area if a.area is None else a.area.intersection(b.area)
+    areas = Areas(area, stable, either_area(a.excluded, b.excluded))
     error = float(np.hypot(a.registration_error, b.registration_error))
     if isinstance(before, CellStatistics) and isinstance(after, CellStatistics):
-        return difference_of_cells(before, after, grid, parameters, error, Areas(area, stable))
+        return difference_of_cells(before, after, grid, parameters, error, areas)
     assert isinstance(before, KeptMoments)
     assert isinstance(after, KeptMoments)
     assert isinstance(parameters, ChangeParameters)
     error = stated_registration(parameters, error)
-    seen = cells_to_compare(Areas(area), grid)
+    seen = cells_to_compare(areas, grid)
     cells = adaptive_cells_of_moments(before, after, grid, parameters, registration_error=error, inside=seen.allowed)
     return difference_of_blocks(cells, grid, parameters, registration_error=error, stable=stable, seen=seen).whole()

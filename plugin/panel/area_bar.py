@@ -58,17 +58,26 @@ class AreaBar(QWidget):
 
     def draw(self, kind: Kind) -> PolygonTool:
         """Begin to draw; what is drawn is kept as a layer."""
+        tool = self.draw_for(kind.colour, lambda polygon: self._keep(kind, polygon))
+        self._tick(kind, True)
+        return tool
+
+    def draw_for(self, colour: str, keep: Callable[[QgsGeometry], None]) -> PolygonTool:
+        """Begin to draw a polygon that ``keep`` takes."""
         self.stop()
         self._before = self._canvas.mapTool()
-        tool = PolygonTool(self._canvas, kind.colour)
-        tool.drawn.connect(lambda polygon: self._keep(kind, polygon))
+        tool = PolygonTool(self._canvas, colour)
+        tool.drawn.connect(lambda polygon: self._take(keep, polygon))
         tool.given_up.connect(self.stop)
         tool.deactivated.connect(self._untick)
         self._tool = tool
         self._canvas.setMapTool(tool)
         self._canvas.setFocus()
-        self._tick(kind, True)
         return tool
+
+    def _take(self, keep: Callable[[QgsGeometry], None], polygon: QgsGeometry) -> None:
+        self.stop()
+        keep(polygon)
 
     def stop(self) -> None:
         """Put back the tool that was active before."""
@@ -92,7 +101,6 @@ class AreaBar(QWidget):
 
     def _keep(self, kind: Kind, polygon: QgsGeometry) -> None:
         crs = self._canvas.mapSettings().destinationCrs()
-        self.stop()
         path = self.path()
         if path is None:
             return

@@ -35,26 +35,33 @@ class AreaError(Exception):
 
 @dataclass(frozen=True)
 class Kind:
-    """``table`` in the GeoPackage, ``parameter`` of the algorithms, title of the layer, colour on the map."""
+    """``table`` in the GeoPackage, ``parameter`` of the algorithms, title of the layer, colour on the map, and texts of
+    each polygon; ``together`` says that one layer holds all.
+    """
 
     table: str
     parameter: str
     title: str
     colour: str
+    fields: tuple[str, ...] = ("name",)
+    together: bool = True
 
 
-REGION = Kind("region", "ROI", "Region of interest (drawn)", "#e08214")
+REGION = Kind("region", "ROI", "Region of interest (drawn)", "#e08214", together=False)
 STABLE = Kind("stable_ground", "STABLE", "Stable ground (drawn)", "#1b7837")
 KINDS = (REGION, STABLE)
 
 
-def add_area(kind: Kind, polygon: QgsGeometry, path: Path, project: QgsProject, crs: Any = None) -> QgsVectorLayer:
+def add_area(
+    kind: Kind, polygon: QgsGeometry, path: Path, project: QgsProject, crs: Any = None, values: Any = None
+) -> QgsVectorLayer:
     """Keep a polygon as a layer of a GeoPackage and of the project.
 
     Every region is a layer of its own, so that an earlier one is not added to it; pieces of stable ground are together.
 
     Args:
         crs: that of the polygon; the project's where it is not given. The layer gets it.
+        values: texts by field; the polygon's number as its name where they are not given.
 
     Raises:
         AreaError: the outline crosses itself or has no area, there is no reference system, or the file refuses.
@@ -66,10 +73,10 @@ def add_area(kind: Kind, polygon: QgsGeometry, path: Path, project: QgsProject, 
         raise AreaError(tr("The outline crosses itself or has no area; draw it again."))
     layer = _together(kind, project, Path(path))
     if layer is None:
-        layer = _new_layer(kind, Path(path), crs)
+        layer = _kept_layer(kind, Path(path)) or _new_layer(kind, Path(path), crs)
         project.addMapLayer(layer, False)
         project.layerTreeRoot().insertLayer(0, layer)  # else it lies in the current group, which the picture may cover
-    _add(layer, polygon, crs, project)
+    _add(layer, polygon, crs, project, values)
     layer.setCustomProperty(_KIND, kind.table)
     layer.setCustomProperty(_DRAWN, QDateTime.currentDateTimeUtc().toString(Qt.DateFormat.ISODateWithMs))
     layer.triggerRepaint()
@@ -87,13 +94,20 @@ def drawn_areas(project: QgsProject) -> dict[str, str]:
 
 
 def _together(kind: Kind, project: QgsProject, path: Path) -> QgsVectorLayer | None:
-    """The layer that a piece of stable ground is added to."""
-    if kind is not STABLE:
+    """The layer of the project that a further polygon is added to."""
+    if not kind.together:
         return None
     for layer in project.mapLayers().values():
         if layer.customProperty(_KIND) == kind.table and Path(layer.source().partition("|")[0]) == path:
             return layer
     return None
+
+
+def _kept_layer(kind: Kind, path: Path) -> QgsVectorLayer | None:
+    """The layer that the file of an output folder holds already, which need not be loaded."""
+    if kind in KINDS or kind.table not in _tables(path):
+        return None
+    return _styled(kind, QgsVectorLayer(f"{path}|layername={kind.table}", tr(kind.title)))
 
 
 def _new_layer(kind: Kind, path: Path, crs: QgsCoordinateReferenceSystem) -> QgsVectorLayer:
@@ -103,7 +117,8 @@ def _new_layer(kind: Kind, path: Path, crs: QgsCoordinateReferenceSystem) -> Qgs
         number += 1
         table = f"{kind.table}_{number}"
     fields = QgsFields()
-    fields.append(QgsField("name", STRING))
+    for name in kind.fields:
+        fields.append(QgsField(name, STRING))
     options = QgsVectorFileWriter.SaveVectorOptions()
     options.driverName, options.layerName, options.fileEncoding = "GPKG", table, "UTF-8"
     action = QgsVectorFileWriter.ActionOnExistingFile
@@ -117,6 +132,10 @@ def _new_layer(kind: Kind, path: Path, crs: QgsCoordinateReferenceSystem) -> Qgs
     layer = QgsVectorLayer(f"{path}|layername={table}", tr(kind.title) if number == 1 else f"{tr(kind.title)} {number}")
     if failed or not layer.isValid():
         raise AreaError(tr("{} cannot be written: {}.").format(path, why or tr("choose another folder")))
+    return _styled(kind, layer)
+
+
+def _styled(kind: Kind, layer: QgsVectorLayer) -> QgsVectorLayer:
     symbol = layer.renderer().symbol()
     symbol.symbolLayer(0).setBrushStyle(Qt.BrushStyle.NoBrush)
     symbol.symbolLayer(0).setStrokeColor(QColor(kind.colour))
@@ -131,12 +150,13 @@ def _tables(path: Path) -> set[str]:
     return {name.split(QgsDataProvider.sublayerSeparator())[1] for name in names}
 
 
-def _add(layer: QgsVectorLayer, polygon: QgsGeometry, crs: Any, project: QgsProject) -> None:
+def _add(layer: QgsVectorLayer, polygon: QgsGeometry, crs: Any, project: QgsProject, values: Any) -> None:
     shape = QgsGeometry(polygon)
     if crs != layer.crs():
         shape.transform(QgsCoordinateTransform(crs, layer.crs(), project))
     feature = QgsFeature(layer.fields())
-    feature["name"] = str(layer.featureCount() + 1)
+    for name, text in (values or {"name": str(layer.featureCount() + 1)}).items():
+        feature[name] = text
     feature.setGeometry(shape)
     added, _ = layer.dataProvider().addFeatures([feature])
     if not added:

@@ -29,6 +29,7 @@ from ..bridge.words import tr
 from .alerts import level_colours
 from .area_bar import AreaBar
 from .buttons import button
+from .corrections import CorrectionsButton
 from .report_task import ReportTask
 from .review_bar import ReviewBar
 from .run_folder import ZONE_LAYER, report_of, run_folder, zone_files
@@ -56,6 +57,9 @@ class SlopeWatchPanel(QDockWidget):
         self._timer.setSingleShot(True)
         self._timer.timeout.connect(self.refresh)
         self.areas = AreaBar(self._canvas, self.say, open_dialog)
+        self.corrections = CorrectionsButton(
+            self._canvas, self.areas.draw_for, self._folder, lambda *said: self.say(*said), open_dialog
+        )
         self.layers = QComboBox()
         self.layers.currentIndexChanged.connect(lambda _: self._take_layer())
         self.zones, self.charts = ZoneList(), ZoneCharts()
@@ -125,7 +129,7 @@ class SlopeWatchPanel(QDockWidget):
             "/mActionIdentify.svg",
             checkable=True,
         )
-        for one in (self.zoom_button, self.flash_button, self.pick_button):
+        for one in (self.zoom_button, self.flash_button, self.pick_button, self.corrections):
             row.addWidget(one)
         row.addStretch()
         return row
@@ -148,6 +152,10 @@ class SlopeWatchPanel(QDockWidget):
     def layer(self) -> QgsVectorLayer | None:
         """The layer whose zones are listed."""
         return self._layer
+
+    def _folder(self) -> Path | None:
+        """The output folder of the run whose zones are listed."""
+        return run_folder(self._layer.source()) if self._layer is not None else None
 
     def load_run(self, folder: Path) -> list[QgsVectorLayer]:
         """Load the zones of an output folder, or take those that are loaded already, and list the first ones."""
@@ -179,11 +187,12 @@ class SlopeWatchPanel(QDockWidget):
     def refresh(self) -> None:
         """Read the zones of the layer again."""
         rows = zone_rows(self._layer) if self._layer is not None else []
-        folder = run_folder(self._layer.source()) if self._layer is not None else None
+        folder = self._folder()
         self.zones.show_rows(rows, level_colours(folder))
         self.reviews.refresh()
         self.report_button.setEnabled(report_of(folder) is not None)
         self.write_button.setEnabled(folder is not None and self._task is None)
+        self.corrections.setEnabled(folder is not None)
         for one in (self.zoom_button, self.flash_button, self.pick_button):
             one.setEnabled(bool(rows))
 
@@ -274,13 +283,13 @@ class SlopeWatchPanel(QDockWidget):
     # --- the report ---------------------------------------------------------------------------------------------
 
     def open_report(self) -> None:
-        report = report_of(run_folder(self._layer.source())) if self._layer is not None else None
+        report = report_of(self._folder())
         if report is not None:
             QDesktopServices.openUrl(QUrl.fromLocalFile(os.fspath(report)))
 
     def write_report(self) -> None:
         """Save what was entered and have the engine make the report again."""
-        folder = run_folder(self._layer.source()) if self._layer is not None else None
+        folder = self._folder()
         if folder is None or self._task is not None or not self.reviews.keep():
             return
         self.say(tr("The report of {} is being made.").format(folder), False)

@@ -263,6 +263,10 @@ BAD = {
     "missing": ("change {faulty}/none.laz {second} --output-dir {out}", "none.laz"),
     "not a cloud": ("change {text} {second} --output-dir {out}", "text.laz"),
     "truncated": ("change {truncated} {second} --output-dir {out}", "truncated.las"),
+    "extracted ground": (
+        "inspect --epoch 2024-05-01={faulty}/none.laz --ground extract --screen-last-epoch --output-dir {out}",
+        "none.laz",
+    ),
     "no crs": ("change {nocrs} {second} --output-dir {out}", "--crs"),
     "geographic": ("change {geographic} {second} --output-dir {out}", "geographic"),
     "no overlap": ("change {first} {elsewhere} --output-dir {out}", "do not overlap"),

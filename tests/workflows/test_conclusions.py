@@ -16,7 +16,8 @@ FOLDER = Path("/results")
 FILES = {"zones": FOLDER / "zones.gpkg", "report": FOLDER / "report.html", "run": FOLDER / "run.json"}
 CHANGE = {
     "zone_count": 2, "zone_area_m2": 33.568, "vol_loss_m3": 1.8741, "vol_loss_err_m3": 0.1656, "vol_gain_m3": 0.0,
-    "largest_sink_m": -0.3007, "largest_rise_m": 0.0, "compared_share": 0.8874, "lod_median_m": 0.02946,
+    "largest_sink_m": -0.3007, "largest_rise_m": 0.0, "compared_share": 0.8874, "not_in_later_share": 0.07,
+    "too_few_share": 0.0426, "lod_median_m": 0.02946,
 }  # fmt: skip
 MOVED = {
     "registration_method": "robust", "registration_dx_m": -0.0192, "registration_dy_m": -0.17,
@@ -38,10 +39,8 @@ def test_a_change_ends_with_what_was_found_where_it_lies_and_what_to_look_at() -
     assert said("change", CHANGE) == [
         "2 zones of significant change were found, 33.6 m² in all: 1.87 ± 0.17 m³ lost and 0 m³ gained.",
         "The largest lowering in a zone is 0.301 m, the largest raising 0 m.",
-        (
-            "89 % of the ground that the surveys reached was compared; change below the level of detection, 0.029 m in "
-            "the median, cannot be distinguished from none."
-        ),
+        "89 % of the slope was compared; 7 % has no ground in the later survey.",
+        "Change below the level of detection, 0.029 m in the median, cannot be distinguished from none.",
         "3 files were written to /results.",
         "Look first at report.html and zones.gpkg.",
         "There were no warnings.",
@@ -56,16 +55,16 @@ def test_an_inspection_also_says_how_the_survey_was_moved_and_what_its_shape_sho
     assert found[1] == (
         "2 zones of motion along the surface were found, 80 m² in all; the largest motion of one is 0.182 m."
     )
-    assert found[4].startswith("Of the zones, 1 slid along the surface, by up to 0.200 m; 1 sank")
-    assert found[5] == (
+    assert found[5].startswith("Of the zones, 1 slid along the surface, by up to 0.200 m; 1 sank")
+    assert found[6] == (
         "The later survey was moved by -0.019 m to the east, -0.170 m to the north and 12.500 m upwards to fit the "
         "earlier one, with a standard error of 0.003 m in height."
     )
-    assert found[6] == (
+    assert found[7] == (
         "On stable ground the later survey lay 0.101 m higher than the earlier one: a vertical bias between the "
         "campaigns, which the registration took off, and no change."
     )
-    assert found[7] == (
+    assert found[8] == (
         "By its shape, 3 zones of the last survey look raised or lowered; the change confirms 1 of them."
     )
     assert found[-1] == "2 warnings were given, which the run record keeps; read them first."
@@ -131,7 +130,7 @@ def test_one_is_one() -> None:
 
 def test_the_folder_is_that_of_the_record_wherever_else_a_file_was_wanted() -> None:
     outputs = {"map": Path("/tmp/map.png"), "ground": FOLDER / "clouds" / "ground.laz", **FILES}
-    assert said("change", CHANGE, outputs=outputs)[3] == "4 files were written to /results."
+    assert said("change", CHANGE, outputs=outputs)[4] == "4 files were written to /results."
 
 
 @pytest.mark.parametrize("command", [*EVERY, "a command of tomorrow"])

@@ -24,6 +24,7 @@ from slopewatch.interface.parameters import (
     RawGroundParameters,
     SurveyParameters,
 )
+from slopewatch.interface.seen import EXCLUDED, OUTSIDE
 from slopewatch.simulation.surveys.survey import simulate_pair
 from slopewatch.simulation.surveys.write import write_pair
 from slopewatch.workflows.batch.kept_ground import keep_ground
@@ -100,14 +101,22 @@ def test_the_zones_of_the_heap_and_of_the_car_vanish_and_no_other(survey, runs):
     assert figures["vol_gain_m3"] - corrected["vol_gain_m3"] == pytest.approx(added, rel=0.12)
 
 
-def test_what_is_excluded_has_no_change_and_is_counted_nowhere(survey, runs):
+def test_what_is_excluded_has_no_change_and_is_named_as_excluded(survey, runs):
     _, heap, _ = survey
     out, _, _, _ = runs
     with rasterio.open(out / "elevation_change.tif") as raster:
         dz = raster.read(1, masked=True)
         inside = geometry_mask([heap], raster.shape, raster.transform, invert=True)
+        around = geometry_mask([heap.buffer(1.0)], raster.shape, raster.transform, invert=True)
+    with rasterio.open(out / "seen.tif") as raster:
+        classes = raster.read(1)
     assert inside.any()
     assert dz.mask[inside].all()
+    assert (classes[inside] == EXCLUDED).all()
+    assert not (classes[~around] == EXCLUDED).any()
+    record = json.loads((out / "run.json").read_text())
+    share = np.count_nonzero(classes == EXCLUDED) / np.count_nonzero(classes != OUTSIDE)
+    assert record["seen"]["excluded"] == pytest.approx(share)
 
 
 def test_record_and_report_name_each_correction(survey, runs):

@@ -213,4 +213,5 @@ def test_settings_of_a_run_give_its_ground_back(inspected):
     found = read_settings(out / "run.json", command_sets.INSPECT)
     assert found.values["ground"] == "class_2"
     assert found.left_out == ()
+    assert found.over(command_sets.INSPECT, "default").keys() == {"ground", "cell", "displacement", "screen_last_epoch"}
     assert "ground" not in read_settings(out / "run.json", command_sets.GROUND).values

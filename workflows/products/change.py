@@ -10,6 +10,7 @@ from typing import Any
 
 import geopandas as gpd
 import numpy as np
+from numpy.typing import NDArray
 from pyproj import CRS
 
 from ...engine.change.coverage import Seen, seen
@@ -23,7 +24,7 @@ from ...engine.grid import geotiff
 from ...engine.grid.grid import Grid
 from ...engine.maps import palette, qgis_styles, top_view
 from ...engine.maps.heatmap import write_heatmap_png
-from ...engine.maps.heatmap_image import make_heatmap
+from ...engine.maps.heatmap_image import Unseen, make_heatmap
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.pointcloud.in_parts import CloudFile
 from ...engine.report.facts import change_facts, error_terms
@@ -37,7 +38,7 @@ from ...engine.zones.movement import MOVEMENTS
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
 from ...interface.parameters import ChangeParameters, HeatmapParameters, given
-from ...interface.seen import COMPARED, LABELS, RASTER
+from ...interface.seen import LABELS, NOT_SEEN, RASTER
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
@@ -139,7 +140,7 @@ def write_products(
         pair = Compared(context.first.name, context.second.name, change, found.correlation)
         write_class_budgets(run, [pair], run.related.classes, context.crs, context.second.date)
     progress.update(0.5, "drawing the heatmap")
-    _write_pictures(run, change, found, picture, context, settings.heatmap, (limit, tags))
+    _write_pictures(run, change, found, picture, context, settings.heatmap, (limit, tags, of_slope.classes))
     progress.update(0.95, "taking profiles")
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
     terms = error_terms(change)
@@ -168,9 +169,7 @@ def write_products(
     run.outputs |= files
     run.facts |= facts
     run.figures |= main_figures(change, found.frame, of_slope) | table.figures()
-    run.figures["unsure_groups"] = found.unsure_groups
-    if change.plants is not None:
-        run.figures["groups_within_plant_error"] = found.within_plants
+    run.figures |= {"unsure_groups": len(found.unsure), "unsure_area_m2": float(found.unsure["area_m2"].sum())}
 
 
 def _write_zones(
@@ -184,6 +183,7 @@ def _write_zones(
         run.stage.path("zones.gpkg"),
         frame,
         footprints=extraction.footprint_frame(found, change.grid),
+        unsure=found.unsure,
         volumes=gcd_table.table_frame(table),
         stamp=stamp,
     )
@@ -202,10 +202,10 @@ def _write_pictures(
     picture: PointCloud | CloudFile | top_view.TopView,
     context: Context,
     parameters: HeatmapParameters,
-    look: tuple[float, dict[str, str]],
+    look: tuple[float, dict[str, str], NDArray[np.uint8]],
 ) -> None:
-    """The top view and the heatmap over it; ``look`` is the colour range's limit (m) and the rasters' tags."""
-    limit, tags = look
+    """The top view and the heatmap over it; ``look``: the colours' limit (m), the rasters' tags, the cells' classes."""
+    limit, tags, classes = look
     stage = run.stage
     view = picture
     if not isinstance(view, top_view.TopView):
@@ -213,6 +213,7 @@ def _write_pictures(
     geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
     shown = Laid(change.dz, change.layout), change.significant, change.level
     heatmap = make_heatmap(*shown, change.grid, view, parameters, limit=limit)
+    heatmap = replace(heatmap, unseen=Unseen(np.isin(classes, NOT_SEEN), change.grid))
     names = context.first.name, context.second.name
     write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names, progress=run.progress)
     geotiff.write_rgba(stage.path("heatmap.tif"), heatmap.rgba, heatmap.grid, context.crs, tags=tags)
@@ -250,7 +251,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame, of_slope: Seen) -> dic
     return grown | {
         "common_cell_rate": change.common_cell_rate,
         "common_area_m2": float(change.valid.sum() * area),
-        "compared_share": of_slope.share(COMPARED),
+        **{f"{name}_share": share for name, share in of_slope.shares().items() if share},
         "overlap_compared_share": of_slope.share_of_both,
         "lod_median_m": change.median_level,
         "confidence": change.confidence,

@@ -31,6 +31,7 @@ from ...maps.map_parts import (
 )
 from ...maps.palette import diverging_colours
 from ...maps.picture_words import fonts, say
+from ...maps.unseen import draw_unseen, draw_unseen_key
 from .rasters import Surface
 from .screened_relief import ScreenedRelief
 
@@ -116,6 +117,7 @@ def _map(
         draw_image(axes, image, grid, "nearest")
     draw_coordinates(axes, Grid(west, north, (east - west) / 1000, max(1, round(1000 * tall / wide)), 1000), inches)
     axes.set(xlim=(west, east), ylim=(south, north))
+    hatched = surface is not None and surface.unseen is not None and draw_unseen(axes, surface.unseen, inches)
     _draw_shapes(axes, layers, bounds, inches)
     _draw_ids(axes, layers, bounds, inches, all_ids=all_ids)
     low = foot - _FOOT
@@ -127,16 +129,21 @@ def _map(
         draw_signed_bar(sheet, (bar_at, low + 0.42, 1.5, 0.1), diverging_colours(values, surface.limit), surface.limit)
         sheet.text(bar_at + 0.75, low + 0.61, say("Elevation change (m)"), ha="center")
     keys = _keys(layers)
-    if width >= _NARROW:
-        for number, (words, colour) in enumerate(keys):
-            column, row = divmod(number, 4)
-            draw_key(sheet, 4.0 + 1.6 * column, 0.64 - 0.185 * row, [words], edge=colour, width=0.18)
-    else:
-        for number, (words, colour) in enumerate(keys):
-            draw_key(sheet, 0.1 + 1.75 * (number // 3), 0.47 - 0.19 * (number % 3), [words], edge=colour, width=0.18)
+    places = [_key_place(number, width) for number in range(len(keys) + 1)]
+    for (words, colour), place in zip(keys, places, strict=False):
+        draw_key(sheet, *place, [words], edge=colour, width=0.18)
+    if hatched:
+        draw_unseen_key(sheet, *places[len(keys)], 0.18)
     stream = io.BytesIO()
     sheet.figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": "SlopeWatch"}, pil_kwargs=PNG_OPTIONS)
     return stream.getvalue()
+
+
+def _key_place(number: int, width: float) -> tuple[float, float]:
+    """Left edge and middle, inches, of an entry of the legend on a sheet of this width."""
+    if width >= _NARROW:
+        return 4.0 + 1.6 * (number // 4), 0.64 - 0.185 * (number % 4)
+    return 0.1 + 1.75 * (number // 3), 0.47 - 0.19 * (number % 3)
 
 
 def _draw_shapes(axes: Axes, layers: MapLayers, bounds: tuple[float, float, float, float], inches: float) -> None:

@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from rasterio.features import geometry_mask
 from shapely.geometry.base import BaseGeometry
 
+from ....interface.seen import RASTER
 from ...grid.grid import Grid
 from ...grid.listed_raster import read_listed
 from ...maps import opacity_band
+from ...maps.heatmap_image import Unseen
 from ...maps.palette import BELOW_LEVEL, colour_limit, diverging_colours
 from ...maps.relief import hillshade
+from ...maps.unseen import read_unseen
 from ...statistics.layout import Laid, layout_of
 from ...zones.profiles import Layers
 from ..maps import GAP, closed
@@ -36,12 +39,13 @@ _VEIL = 0.15
 class Surface:
     """The change on its grid with the later survey's heights under it, as ``layers``; ``limit`` of the colours, metres.
 
-    ``heights`` says whether they are known: a series keeps only the change.
+    ``heights`` says whether they are known: a series keeps only the change. Maps hatch the cells that are ``unseen``.
     """
 
     layers: Layers
     limit: float
     heights: bool
+    unseen: Unseen | None = None
 
     @property
     def grid(self) -> Grid:
@@ -126,7 +130,7 @@ def surface_of(record: Mapping[str, Any], folder: Path) -> Surface | None:
         significant = np.isfinite(rasters.values[2])
         limit = float(record["colour_limit_m"])
         layers = Layers(rasters.grid, height_from, height_to, dz, rasters.values[1], significant, rasters.layout)
-        return Surface(layers, limit, heights=True)
+        return Surface(layers, limit, heights=True, unseen=read_unseen(folder / RASTER))
     return _series_surface(record, folder)
 
 

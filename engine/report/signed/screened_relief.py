@@ -36,6 +36,8 @@ class ScreenedRelief:
     grid: Grid
     limit: None = None
     """It has no scale of colours."""
+    unseen: None = None
+    """Nothing of it was compared."""
 
     def window(self, bounds: tuple[float, float, float, float]) -> tuple[slice, slice]:
         """All of it, however much of it the map shows."""

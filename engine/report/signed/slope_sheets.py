@@ -173,7 +173,7 @@ def _facts(source: Source, slope: Any) -> list[tuple[str, str]]:
     if value_of(metrics, "lod_median_m") is not None:
         rows.append((say("Level of detection, median"), figure(metrics, "lod_median_m", "m")))
     if value_of(metrics, "compared_share") is not None:
-        rows.append((say("Ground compared"), percent(metrics, "compared_share")))
+        rows.append((say("Slope compared"), percent(metrics, "compared_share")))
     if slope.report:
         rows.append((say("Its own report"), slope.report))
     return rows

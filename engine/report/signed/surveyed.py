@@ -7,6 +7,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from ....interface import corrections
+from ....interface.seen import KEYS, NOT_SEEN
+from ....interface.seen import LABELS as LABELS_OF_SEEN
 from ..compose import role_words
 from ..figures_in_text import figure, interval, percent, say, value_of, with_error
 from . import blocks
@@ -92,7 +94,9 @@ def _measured(record: Mapping[str, Any]) -> list[tuple[str, str]]:
             (say("Registration error in height"), figure(registration, "registration_error_m", "m", 4)),
         ]
     if value_of(metrics, "compared_share") is not None:
-        rows.append((say("Ground compared"), percent(metrics, "compared_share")))
+        rows.append((say("Slope compared"), percent(metrics, "compared_share")))
+    shares = record.get("seen") or {}
+    rows += [(say(LABELS_OF_SEEN[one]), percent(shares, KEYS[one])) for one in NOT_SEEN if value_of(shares, KEYS[one])]
     if value_of(metrics, "lod_median_m") is not None:
         rows.append((say("Level of detection, median"), figure(metrics, "lod_median_m", "m")))
     return rows

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.pointcloud.plant_cover import PlantCover
+from slopewatch.engine.registration import register as register_module
+from slopewatch.engine.registration.bare_ground import divide
 from slopewatch.engine.registration.common_vegetation_error import SHARED, common_vegetation_error
+from slopewatch.engine.registration.measured import Measured, Solution
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.register import register
 from slopewatch.engine.registration.result import RegistrationResult
@@ -101,6 +105,25 @@ def test_a_scrap_of_bare_ground_is_not_preferred_to_all_the_rest():
     assert found.plants is not None
     assert not found.plants.bare_only
     assert np.linalg.norm(away) < 0.005
+
+
+@pytest.mark.parametrize(("ratio", "taken"), [(1.1, True), (1.3, False)])
+def test_bare_ground_that_scatters_more_than_all_ground_is_a_wrong_match(monkeypatch, ratio, taken):
+    """It slid by 1.8 m to where a few bare places fitted, and stated 2 cm."""
+    surface = Surface(np.random.default_rng(4).uniform(0, 5, (500, 3)), 0.01, np.tile([0.0, 0.05], 250))
+    ground = divide(Matcher(surface, surface))
+    solution = Solution(Pose.identity(), alignment=object())
+
+    def with_scale(scale: float, error: float, by_plants: float) -> Measured:
+        return Measured(solution, SimpleNamespace(scale=scale), error, by_plants)
+
+    monkeypatch.setattr(register_module, "align_bare", lambda *_: solution)
+    monkeypatch.setattr(register_module, "of_alignment", lambda found: found)
+    monkeypatch.setattr(register_module, "measured", lambda *_: with_scale(ratio * 0.02, 0.01, 0.0))
+    monkeypatch.setattr(register_module, "offset_of_covered", lambda *_: 0.0)
+    whole = with_scale(0.02, 0.05, 0.04)
+    found = register_module._surer(whole, None, ground, RegistrationParameters(), False, None)
+    assert found.bare == taken
 
 
 def test_bare_surveys_register_as_if_nothing_were_told():

@@ -286,7 +286,7 @@ def test_text_stands_out_from_its_ground() -> None:
 def test_the_words_are_those_of_the_trade(page: Page) -> None:
     assert not re.search(r"\bsafe", page.words, re.IGNORECASE)
     assert "What this cannot tell you" in page.words
-    for limit in ("not compared", "Slip along the surface", "mm/day", "Vegetation", "no statement on stability"):
+    for limit in ("not seen", "Slip along the surface", "mm/day", "Vegetation", "no statement on stability"):
         assert limit in page.words
 
 
