@@ -73,6 +73,15 @@ CHANGE_PRODUCTS = (
         layer="footprints",
     ),
     Product(
+        "UNSURE",
+        "zones",
+        "Unsure change",
+        "Polygons of change beyond the level of detection that is no zone, with its mean, its error and the reason; no "
+        "area and no volume counts it.",
+        Appearance(44, visible=False, expanded=False),
+        layer="unsure",
+    ),
+    Product(
         "SIGNIFICANT_CHANGE",
         "significant_change",
         "Significant change (m)",

@@ -16,7 +16,7 @@ from ..core.templates import render
 from ..series.alerts import AlertLevel
 from ..series.tables import SERIES_FIELDS, ZONE_FIELDS
 from ..vector.review_fields import LOCATION_FIELDS, PLACE_FIELDS, REVIEW_FIELDS, STATES
-from ..zones.fields import FIELDS, KINDS, SEVERITIES, SLIDING
+from ..zones.fields import FIELDS, KINDS, REASONS, SEVERITIES, SLIDING, UNSURE_FIELDS
 from .palette import (
     BELOW_LEVEL,
     DIVERGING,
@@ -46,6 +46,12 @@ _ATTENTION: tuple[Colour, ...] = (
 """Colours of a corridor's zones by their attention, 0 to 4 and more."""
 _GROUND: Colour = (190, 186, 178)
 """Of points that are no hazard."""
+_REASONS = {
+    "chance": "No zone: noise alone may make it",
+    "vegetation": "No zone: within the error by vegetation",
+    "season": "No zone: the vegetation differs as much",
+    "small": "No zone: smaller than the minimum size",
+}
 _STATES = ("lowered", "raised", "below its level", "not measured")
 
 
@@ -171,6 +177,12 @@ def footprints_qml() -> str:
     words = f"Footprint of the volume, {SLIDING}"
     categories.append(_category(SLIDING, words, SLIDING_TINTS[2], 45, SLIDING_LINE, 0.4))
     return _polygons_qml("footprints", _fields(FOOTPRINT_FIELDS), categories)
+
+
+def unsure_qml() -> str:
+    """Style of the groups that are no zones: grey and faint, a category for each reason, labelled with their ids."""
+    categories = [_category(reason, _REASONS[reason], _GROUND, 45, (110, 110, 110), 0.3) for reason in REASONS]
+    return _polygons_qml("unsure", _fields(UNSURE_FIELDS), categories)
 
 
 def series_zones_qml(alerts: Iterable[AlertLevel], *, located: bool = False) -> str:

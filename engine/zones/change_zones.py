@@ -46,6 +46,7 @@ def detected_of(change: Change) -> Detected:
         np.minimum(change.count_from, change.count_to),
         change.stable,
         change.height_to,
+        None if change.explained is None or change.uniform_dz is not None else change.explained,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.special import stdtr
 
 from ...interface.parameters import ZoneParameters
 from ..core.arrays import Float
+from .discs import best_discs, log_of_discs
 from .footprints import Cells, Detected, Footprint, in_window, outline_footprints
 from .groups import without
 from .volumes import CorrelationModel, fit_correlation, outside
@@ -75,10 +77,15 @@ def confidence_after_selection(
         + _LOG_SHAPES_PER_SAMPLE * more
         + min(_LOG_SHAPES_PER_NEAR_SAMPLE * more, _MAX_LOG_SHAPES_OF_NEAR_SAMPLES)
     )
+    return _confidence_among(mean, sampling, shared, cells, places)
+
+
+def _confidence_among(mean: float, sampling: float, shared: float, cells: float, log_places: float) -> float:
+    """Probability that noise alone makes no such mean at any of the places, whose number's logarithm is given."""
     beyond = (abs(mean) - shared * np.abs(_NODES)) / max(sampling, 1e-12)
     tail = 2.0 * stdtr(_CELL_DEGREES_OF_FREEDOM * max(cells, 1.0), -beyond)
     with np.errstate(divide="ignore"):
-        by_chance = np.exp(np.minimum(np.log(np.minimum(tail, 1.0)) + places, 0.0))
+        by_chance = np.exp(np.minimum(np.log(np.minimum(tail, 1.0)) + log_places, 0.0))
     return float(np.clip(1.0 - np.sum(_WEIGHTS * by_chance), 0.0, 1.0))
 
 
@@ -90,14 +97,12 @@ class SureGroups:
         confidence: (n,) see ``confidence_after_selection``.
         footprints: of each.
         correlation: how the errors of cells are related, measured outside of the footprints.
-        dropped: how many groups were not sure enough.
     """
 
     labels: NDArray[np.int32]
     confidence: Float
     footprints: tuple[Footprint, ...]
     correlation: CorrelationModel
-    dropped: int
 
 
 def sure_groups(
@@ -118,50 +123,85 @@ def sure_groups(
         registration_error: metres, see ``footprints.outline_footprints``.
     """
     known = np.isfinite(cells.dz)
-    compared = cells.partition.parts_among(known)
     gap, stable = parameters.bridged_gap, found.stable
-    dropped = 0
     while True:
         footprints = outline_footprints(cells, labels, count, gap=gap, registration_error=registration_error)
         still = outside(footprints, known, cells.cell, cells.layout)
         correlation = fit_correlation(cells, still if stable is None else still & stable, registration_error)
-        number = cells.partition.parts_in_groups(labels, count)
-        confidence = np.array(
-            [
-                _confidence(
-                    footprint,
-                    cells,
-                    found.count_min,
-                    correlation,
-                    int(n),
-                    compared,
-                )
-                for footprint, n in zip(footprints, number, strict=True)
-            ],
-            dtype=np.float64,
-        )
-        kept = confidence >= parameters.minimum_confidence
+        least = parameters.minimum_confidence
+        told = confidence_of_groups(footprints, labels, cells, found.count_min, correlation, least=least)
+        confidence = told[:, 2]
+        kept = confidence >= least
         if kept.all():
-            return SureGroups(labels, confidence, footprints, correlation, dropped)
-        dropped += int((~kept).sum())
+            return SureGroups(labels, confidence, footprints, correlation)
         labels, count = without(labels, kept), int(kept.sum())
 
 
-def _confidence(
-    footprint: Footprint,
+def confidence_of_groups(
+    footprints: Sequence[Footprint],
+    labels: NDArray[np.int32],
     cells: Cells,
     count_min: NDArray[np.integer],
     correlation: CorrelationModel,
-    number: int,
-    compared: int,
-) -> float:
-    near = in_window(cells, footprint.window)
-    own = footprint.own / footprint.own.sum()
-    return confidence_after_selection(
-        mean_that_counts(near.dz, near.error, cells.layout.window(count_min, footprint.window), own),
-        correlation.own_error(own, near),
-        correlation.common_error(own, near),
-        samples=correlation.samples(own, near),
-        cells=number,
-        compared=compared,
-    )
+    *,
+    least: float,
+) -> Float:
+    """(n, 3) of the groups 1 to n of ``labels``: mean change and its standard error, metres, and confidence.
+
+    Args:
+        footprints: of each group; its ``own`` cells count.
+        count_min: as in ``Detected``.
+        least: confidence from which a group's shape decides; below it discs may make it surer.
+    """
+    groups = _Groups(cells, labels, count_min, correlation, cells.partition.parts_among(np.isfinite(cells.dz)))
+    parts = cells.partition.parts_in_groups(labels, len(footprints))
+    told = [groups.told(f, place, int(n), least) for place, (f, n) in enumerate(zip(footprints, parts, strict=True), 1)]
+    return np.array(told, dtype=np.float64).reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class _Groups:
+    """Groups of cells on a map of ``compared`` cells; the others as in ``sure_groups``."""
+
+    cells: Cells
+    labels: NDArray[np.int32]
+    count_min: NDArray[np.integer]
+    correlation: CorrelationModel
+    compared: int
+
+    def told(self, footprint: Footprint, number: int, parts: int, least: float) -> tuple[float, float, float]:
+        """Of the group ``number`` of so many ``parts``: mean, its error, and confidence by its shape or by a disc.
+
+        The number of shapes that noise may choose from grows with a group, and faint change over many cells never
+        makes up for it. The discs are few. Their cells count whatever their own change is.
+        """
+        near = in_window(self.cells, footprint.window)
+        points = self.cells.layout.window(self.count_min, footprint.window)
+        own = footprint.own / footprint.own.sum()
+        mean = mean_that_counts(near.dz, near.error, points, own)
+        errors = self._errors(own, near)
+        samples = self.correlation.samples(own, near)
+        sure = confidence_after_selection(mean, *errors, samples=samples, cells=parts, compared=self.compared)
+        if sure < least:
+            sure = max(sure, self._by_discs(footprint, near, points, number))
+        return mean, math.hypot(*errors), sure
+
+    def _errors(self, weights: Float, near: Cells) -> tuple[float, float]:
+        return self.correlation.own_error(weights, near), self.correlation.common_error(weights, near)
+
+    def _by_discs(self, footprint: Footprint, near: Cells, points: NDArray[np.integer], number: int) -> float:
+        labels = self.cells.layout.window(self.labels, footprint.window)
+        own = labels == number
+        sign = float(np.sign(np.sum(near.dz[own])))
+        with np.errstate(invalid="ignore"):
+            usable = np.isfinite(near.dz) & ((labels == 0) | own | (near.dz * sign < 0))
+        moved = near.dz if near.plant_like is None else np.where(near.plant_like, 0.0, near.dz)
+        surest = 0.0
+        for disc in best_discs(sign * np.nan_to_num(moved), np.nan_to_num(near.error), usable, own):
+            weights = disc / disc.sum()
+            mean = mean_that_counts(moved, near.error, points, weights)
+            if mean * sign > 0:
+                parts = near.partition.parts_among(disc > 0)
+                places = log_of_discs(self.compared)
+                surest = max(surest, _confidence_among(mean, *self._errors(weights, near), parts, places))
+        return surest

@@ -23,6 +23,7 @@ from .confidence import MIN_SURE_CONFIDENCE, sure_groups
 from .fields import FIELDS, KINDS, SEVERITIES, UNSURE
 from .footprints import Cells, Detected, Footprint, footprint_labels
 from .groups import first_of_each, label_groups
+from .unsure import unsure_frame
 from .volumes import CorrelationModel, ZoneVolumes, zone_volumes
 
 
@@ -42,8 +43,7 @@ class Zones:
     Attributes:
         frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
         labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
-        within_plants: groups that are large enough, but whose mean change is within the error by plants.
-        unsure_groups: further groups that are large enough, but less sure than ``minimum_confidence``.
+        unsure: groups of cells beyond their level that are no zones (see ``unsure.unsure_frame``).
         footprints: where each zone's volume was taken, in the order of ``frame``.
         volumes: their volumes and errors, in the order of ``frame``.
         correlation: how the errors of cells are related.
@@ -54,8 +54,7 @@ class Zones:
     footprints: tuple[Footprint, ...]
     volumes: ZoneVolumes
     correlation: CorrelationModel
-    within_plants: int = 0
-    unsure_groups: int = 0
+    unsure: gpd.GeoDataFrame
 
 
 def extract_zones(
@@ -95,9 +94,10 @@ def extract_zones(
     parameters, origin = parameters or ZoneParameters(), origin or Origin()
     group = partial(label_groups, cells.dz, found.significant, parameters, cells.partition, sigma=cells.error)
     labels = group(plants=cells.plants)
+    large = labels if cells.plants is None else group()
     count = int(labels.max(initial=0))
-    within_plants = 0 if cells.plants is None else int(group().max(initial=0)) - count
     sure = sure_groups(labels, count, cells, found, parameters, registration_error=registration_error)
+    unsure = unsure_frame(cells, found, grid, crs, parameters, (large, labels), sure)
     labels, footprints, correlation = sure.labels, sure.footprints, sure.correlation
     count, first_cells = len(footprints), first_of_each(labels)
     inside = np.flatnonzero(labels)
@@ -136,8 +136,7 @@ def extract_zones(
         footprints=tuple(footprints[i] for i in order),
         volumes=volumes.in_order(order),
         correlation=correlation,
-        within_plants=within_plants,
-        unsure_groups=sure.dropped,
+        unsure=unsure,
     )
 
 

@@ -29,3 +29,12 @@ KINDS = ("subsidence", "uplift")
 SLIDING = "sliding"
 """The kind of ground that slid along its surface, whatever its heights did."""
 ZONE_KINDS = (*KINDS, SLIDING)
+CHANCE, PLANTS, SEASON, SMALL = "chance", "vegetation", "season", "small"
+REASONS = (CHANCE, PLANTS, SEASON, SMALL)
+"""Noise may have made it; within the error by vegetation; the vegetation differs as much; sure, but below the least
+size of a zone."""
+UNSURE_FIELDS = field_kinds("""
+    text: group_id reason kind
+    real: dz_mean_m dz_err_m area_m2 confidence
+    integer: n_cells
+""")

@@ -62,6 +62,7 @@ class Detected:
         stable: cells that are taken as stable ground, on which the errors' correlation is measured; without it, those
             outside of every footprint.
         heights: heights of the surface, metres, for the zones' inclination.
+        explained: cells beyond their level that a change of the plants explains.
     """
 
     significant: NDArray[np.bool_]
@@ -69,6 +70,7 @@ class Detected:
     count_min: NDArray[np.integer]
     stable: NDArray[np.bool_] | None = None
     heights: NDArray[np.floating] | None = None
+    explained: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,7 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("zones", "zones"): ("Hazard zones", ZONES, True),
     ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
+    ("zones", "unsure"): ("Unsure change", ZONES, False),
     ("classes", "budget_by_class"): ("Change by class of asset", ZONES, False),
     ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
     ("located", "*"): ("Places on the road", ZONES, True),

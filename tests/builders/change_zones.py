@@ -43,6 +43,6 @@ def zones_of(
 
     partition = options.pop("partition", Partition(grid.shape, grid.cell))
     cells = Cells(dz, error, np.full(grid.shape, grid.cell**2), partition, **given("plants", "plant_like"))
-    found = Detected(significant, level, count, **given("stable", "heights"))
+    found = Detected(significant, level, count, **given("stable", "heights", "explained"))
     origin = Origin(**given("epochs", "method", "run_id"))
     return extract_zones(cells, found, grid, crs, parameters, origin=origin, **options)

@@ -73,7 +73,8 @@ for number, kind in enumerate(("uplift", "subsidence", "uplift")):
     feature["kind"] = kind
     feature.SetGeometry(ogr.CreateGeometryFromWkt(f"POLYGON(({number} 0,{number} 1,{number + 1} 1,{number} 0))"))
     layer.CreateFeature(feature)
-data.CreateLayer("footprints", srs, ogr.wkbPolygon)
+for name in ("footprints", "unsure"):
+    data.CreateLayer(name, srs, ogr.wkbPolygon)
 layer = data = None
 outputs["classes"] = os.path.join(folder, "budget_by_class.gpkg")
 data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["classes"])
@@ -216,6 +217,7 @@ class TestLoading:
             ("Hazard zones", True),
             ("Change by class of asset", False),
             ("Footprints of the volumes", False),
+            ("Unsure change", False),
             ("Significant change (m)", True),
             ("Seen and not seen", True),
             ("Elevation change (m)", False),

@@ -73,13 +73,14 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     assert set(loaded) & MOTION_LAYERS in (MOTION_LAYERS, {"Smallest motion that can be told (m)"})
     layers = {name: layer for name, layer in loaded.items() if name not in MOTION_LAYERS}
     assert list(layers) == [
-        "Hazard zones", "Screened zones", "Footprints of the volumes", "Significant change (m)", "Elevation change (m)",
-        "Top view", "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
+        "Hazard zones", "Screened zones", "Footprints of the volumes", "Unsure change", "Significant change (m)",
+        "Elevation change (m)", "Top view", "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
     ]  # fmt: skip
     assert {name: layer["renderer"] for name, layer in layers.items()} == {
         "Hazard zones": "categorizedSymbol",
         "Screened zones": "categorizedSymbol",
         "Footprints of the volumes": "categorizedSymbol",
+        "Unsure change": "categorizedSymbol",
         "Significant change (m)": "singlebandpseudocolor",
         "Elevation change (m)": "singlebandpseudocolor",
         "Top view": "multibandcolor",

@@ -168,9 +168,7 @@ def write_products(
     run.outputs |= files
     run.facts |= facts
     run.figures |= main_figures(change, found.frame, of_slope) | table.figures()
-    run.figures["unsure_groups"] = found.unsure_groups
-    if change.plants is not None:
-        run.figures["groups_within_plant_error"] = found.within_plants
+    run.figures |= {"unsure_groups": len(found.unsure), "unsure_area_m2": float(found.unsure["area_m2"].sum())}
 
 
 def _write_zones(
@@ -184,6 +182,7 @@ def _write_zones(
         run.stage.path("zones.gpkg"),
         frame,
         footprints=extraction.footprint_frame(found, change.grid),
+        unsure=found.unsure,
         volumes=gcd_table.table_frame(table),
         stamp=stamp,
     )

@@ -67,7 +67,7 @@ def test_a_change_within_noise_is_found_and_noise_beside_it_is_not() -> None:
         assert found.labels[30, 40] > 0
         assert len(found.frame) == 1
         assert found.frame["confidence"].iloc[0] >= MIN_SURE_CONFIDENCE
-        assert found.unsure_groups == len(every.frame) - 1
+        assert (found.unsure["reason"] == "chance").sum() == len(every.frame) - 1
         sure = every.frame["confidence"] >= MIN_SURE_CONFIDENCE
         assert set(every.frame.loc[~sure, "severity"]) <= {UNSURE}
         assert UNSURE not in set(every.frame.loc[sure, "severity"])
