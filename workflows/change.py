@@ -91,12 +91,17 @@ def change_step(
         with run.step("products", 0.5, 0.99, "writing outputs"):
             write_products(run, change, picture, context, settings, lines, zones)
         del picture, change  # the report reads the files
-        if settings.surface.ground == "class_2":
-            write_objects(run, Classified(reference, moving, registered.to_apply, settings.inputs), context)
+        _objects(run, Classified(reference, moving, registered.to_apply, settings.inputs), context, settings)
         run.outputs["run"] = run.record_path
         run.facts["run_id"] = context.run_id
         run.finish_reviews()
     return run.result()
+
+
+def _objects(run: Run, clouds: Classified, context: Context, settings: Settings) -> None:
+    """Clouds whose class 2 is compared may hold all their returns; others are ground alone."""
+    if settings.surface.ground == "class_2":
+        write_objects(run, clouds, context)
 
 
 def _record(run: Run, registered: KnownRegistration) -> None:
