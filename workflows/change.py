@@ -56,8 +56,7 @@ def change_step(
     words = (
         "inputs", "dates", "surface", "change", "zones", "movement", "road", "assets", "heatmap", "report", "details",
     )  # fmt: skip
-    recorded = groups(settings, *words)
-    run = Run("change", recorded, inputs, progress)
+    run = Run("change", groups(settings, *words), inputs, progress)
     run.refuse_folder(output_dir, ("run.json", *CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS), overwrite=overwrite)
     run.read_reviews(output_dir, ("zones.gpkg",))
     registered = given_registration(transform_path)
