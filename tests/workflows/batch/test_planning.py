@@ -10,19 +10,23 @@ from datetime import date
 from pathlib import Path
 
 import click.testing
+import geopandas
 import numpy as np
 import pytest
+from shapely import box
 from slopewatch.cli.program import cli
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.machine_memory import machine_memory
+from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.displacement.displacement import measure_displacement
 from slopewatch.engine.displacement.registered import Registered
 from slopewatch.engine.grid.common_grid import memory_needed
-from slopewatch.interface.parameters import ChangeParameters, DisplacementParameters
+from slopewatch.interface.parameters import BatchParameters, ChangeParameters, DisplacementParameters
 from slopewatch.tests.builders.clouds import LasFile, las_file
 from slopewatch.tests.builders.rough_ground import relief, sampled
 from slopewatch.workflows.batch.estimate import default_budget, motion_memory, slope_memory
 from slopewatch.workflows.batch.jobs import Job, Slope, Survey
+from slopewatch.workflows.batch.planning import Common, plan
 from slopewatch.workflows.batch.settings import (
     arguments_of,
     command_of,
@@ -32,6 +36,7 @@ from slopewatch.workflows.batch.settings import (
     specifications,
 )
 from slopewatch.workflows.batch.task_ids import FileHashes, task_id
+from slopewatch.workflows.layer_files import LayerFiles
 
 __all__ = ["las_file"]
 
@@ -195,3 +200,23 @@ def _growth(work: Callable[[], object]) -> int:
         text = stream.read()
     os.waitpid(child, 0)
     return int(text)
+
+
+def test_corrections_of_the_corridor_go_to_the_slopes_that_they_lie_on(tmp_path: Path, las_file: LasFile) -> None:
+    cloud = las_file(tmp_path / "2024-01-01.las")
+    near, far, own = (tmp_path / name for name in ("near.gpkg", "far.gpkg", "own.gpkg"))
+    for path, west in ((near, 500_005.0), (far, 600_000.0), (own, 500_005.0)):
+        shape = box(west, 3_500_005, west + 5, 3_500_010)
+        geopandas.GeoDataFrame({"action": ["exclude"]}, geometry=[shape], crs=32651).to_file(path)
+
+    def corrections(given: Path, **more: object) -> str | None:
+        common = Common({}, "default", None, None, BatchParameters(), LayerFiles(corrections=given))
+        found = plan([slope(cloud, **more)], tmp_path, common, FileHashes(tmp_path / "h.json"), {}, Progress())
+        assert not found.problems
+        job = found.jobs["A"]
+        assert any(a.startswith("--corrections=") for a in arguments_of(job)) == ("corrections" in job.files)
+        return job.files.get("corrections")
+
+    assert corrections(near) == str(near)
+    assert corrections(far) is None
+    assert corrections(far, corrections=own) == str(own)
