@@ -12,14 +12,17 @@ from ..core.arrays import Float
 from ..core.number_text import fixed
 from ..grid.plant_cells import PlantCells
 from ..statistics.layout import Layout, layout_of
+from ..statistics.normal import quantile
+from ..statistics.robust import nmad
 from ..statistics.window_sums import Windows
+from .plant_calibration import MIN_PATCHES, squares_of
 
 MIN_PLANT_HEIGHT_M = 0.05
 """Metres: ground over which returns lie so high at the median has plants."""
 MIN_HEIGHT_DIFFERENCE_M = 0.05
 """Metres by which the plants of a cell must differ to have changed."""
 MAX_EXPLAINED_SHARE = 0.5
-"""Share of a difference of plant heights that the ground under them can be wrong by at most.
+"""Share of a difference of plant heights that the ground under them can be wrong by at most, where a run shows no less.
 
 The ground is at worst taken for the middle of the plants. On real grass of 0.2 to 0.3 m, lower envelopes lie 0.02 to
 0.1 m too high.
@@ -122,7 +125,32 @@ def judge_season(
     season = compare_seasons(*heights, dz)
     least = 0.0 if season is not None and season.differs else MIN_COVERED_SHARE
     near = around(*heights, cell, least, layout)
-    return season, explained_by_plants(dz, level, *heights) | explained_by_plants(dz, level, *near)
+    share = explained_share(dz, *heights, squares_of(layout or layout_of(dz), cell))
+    own, margin = (explained_by_plants(dz, level, *of, share) for of in (heights, near))
+    return season, own | margin
+
+
+def explained_share(dz: Float, height_from: Float, height_to: Float, square: NDArray[np.signedinteger[Any]]) -> float:
+    """Share of a difference of plant heights by which the ground under them is wrong in this run, at most 0.5.
+
+    Ground under plants that differ by more than 5 cm shows it: in each square of 2 m the change with the sign of that
+    difference, over the difference. The share is the one that 95 % of the squares stay below, from their median and
+    NMAD, so that ground that moved counts for little unless it is half of them. With fewer than 20 squares it is 0.5.
+
+    Args:
+        dz, height_from, height_to: change and heights of the plants, metres, of one shape; NaN where not known.
+        square: number of the square of 2 m that each cell is in.
+    """
+    risen = height_to - height_from
+    with np.errstate(invalid="ignore"):
+        used = np.isfinite(dz) & (np.abs(risen) > MIN_HEIGHT_DIFFERENCE_M)
+    _, place = np.unique(square[used], return_inverse=True)
+    count = np.bincount(place)
+    if count.size < MIN_PATCHES:
+        return MAX_EXPLAINED_SHARE
+    shares = np.bincount(place, (dz * np.sign(risen))[used]) / np.bincount(place, np.abs(risen)[used])
+    middle = float(np.median(shares))
+    return float(np.clip(middle + quantile(0.9) * nmad(shares, middle), 0.0, MAX_EXPLAINED_SHARE))
 
 
 def around(
@@ -196,16 +224,18 @@ def compare_seasons(height_from: Float, height_to: Float, dz: Float | None = Non
     )
 
 
-def explained_by_plants(dz: Float, level: Float, height_from: Float, height_to: Float) -> NDArray[np.bool_]:
+def explained_by_plants(
+    dz: Float, level: Float, height_from: Float, height_to: Float, share: float = MAX_EXPLAINED_SHARE
+) -> NDArray[np.bool_]:
     """Cells whose change may be the plants' alone; arrays of one shape, metres.
 
     Ground under plants comes out too high, the more so the higher they stand. So where the plants are lower than
     before, a lowering of the ground may be theirs, and where they are higher, a raising. A change is explained
-    where the plants differ by more than 5 cm, it has that sign, and it is at most half of that difference and the
+    where the plants differ by more than 5 cm, it has that sign, and it is at most ``share`` of that difference and the
     cell's own level of detection, which the measurement can add to it. A change that is larger is one of the
     ground, whatever grew on it.
     """
     with np.errstate(invalid="ignore"):
         risen = height_to - height_from
         alike = (np.abs(risen) > MIN_HEIGHT_DIFFERENCE_M) & (dz * risen > 0)
-        return np.asarray(alike & (np.abs(dz) <= MAX_EXPLAINED_SHARE * np.abs(risen) + level))
+        return np.asarray(alike & (np.abs(dz) <= share * np.abs(risen) + level))

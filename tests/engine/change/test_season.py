@@ -8,10 +8,18 @@ import numpy as np
 import pytest
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.change.doubts import warn_of_doubtful_change
+from slopewatch.engine.change.plant_calibration import squares_of
 from slopewatch.engine.change.result import Change
-from slopewatch.engine.change.season import around, compare_seasons, explained_by_plants, judge_season
+from slopewatch.engine.change.season import (
+    around,
+    compare_seasons,
+    explained_by_plants,
+    explained_share,
+    judge_season,
+)
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.grid.plant_cells import PlantCells
+from slopewatch.engine.statistics.layout import Layout
 from slopewatch.engine.zones.change_zones import change_zones
 from slopewatch.interface.parameters import ChangeParameters
 from slopewatch.tests.builders.plant_clouds import SIDE, Grass, Ground, grassy_slope
@@ -110,6 +118,25 @@ def test_the_rule_cell_by_cell():
     second = np.array([0.05, 0.05, 0.05, 0.05, 0.25, 0.25, 0.05])
     explained = explained_by_plants(dz, np.full(7, 0.05), first, second)
     assert explained.tolist() == [True, False, False, False, False, True, False]
+
+
+@pytest.mark.parametrize(("wrong", "share"), [(0.0, 0.1), (0.35, 0.45)])
+def test_a_run_whose_ground_is_right_under_its_plants_explains_little_by_them(wrong, share):
+    """Grass of 0.25 m mown to 0.05 m; where a tenth of the slope sank by 15 cm, that is the ground's if it is right."""
+    random = np.random.default_rng(4)
+    shape = (120, 120)
+    first, second = np.full(shape, 0.25), np.full(shape, 0.05)
+    dz = -0.2 * wrong + 0.01 * random.standard_normal(shape)
+    dz[20:60, 20:60] -= 0.15
+    square = squares_of(Layout(shape), 0.2)
+    learned = explained_share(dz, first, second, square)
+    assert wrong <= learned <= share
+    assert explained_share(dz[:10], first[:10], second[:10], square[:10]) == 0.5, "twelve squares tell nothing"
+    plants = PlantCells(np.zeros(shape), np.zeros(shape), first, second)
+    _, explained = judge_season(plants, dz, np.full(shape, 0.06), 0.2)
+    assert explained is not None
+    assert explained[20:60, 20:60].mean() < 0.01
+    assert explained[70:].mean() > 0.95 or wrong == 0.0
 
 
 def test_verdicts():
