@@ -48,9 +48,9 @@ def draw_unseen(axes: Axes, unseen: Unseen, inches_a_metre: float) -> bool:
     shown = part[::every, ::every].repeat(times, axis=0).repeat(times, axis=1)
     pixel = grid.cell * every / times
     period = max(4, round(_PERIOD_IN / inches_a_metre / pixel))
-    row, column = np.indices(shown.shape, sparse=True)
-    stripe = (row + column) % period < max(1, round(_STRIPE_SHARE * period))
-    rgba = np.where(stripe[..., np.newaxis], np.uint8(UNSEEN_STRIPE), np.uint8(UNSEEN_FILL))
+    diagonal = np.add.outer(np.arange(shown.shape[0]), np.arange(shown.shape[1]))
+    stripe = diagonal % period < max(1, round(_STRIPE_SHARE * period))
+    rgba = np.where(stripe[..., np.newaxis], UNSEEN_STRIPE, UNSEEN_FILL).astype(np.uint8)
     rgba[~shown] = 0
     extent = left, left + shown.shape[1] * pixel, top - shown.shape[0] * pixel, top
     limits = (west, east), (south, north)

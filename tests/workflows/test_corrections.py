@@ -119,6 +119,15 @@ def test_what_is_excluded_has_no_change_and_is_named_as_excluded(survey, runs):
     assert record["seen"]["excluded"] == pytest.approx(share)
 
 
+def test_the_heap_that_is_excluded_is_no_object(survey, runs):
+    _, heap, _ = survey
+    objects = geopandas.read_file(runs[0] / "objects.gpkg", layer="objects").to_crs(32651)
+    assert not objects.geometry.representative_point().within(heap).any()
+    record = json.loads((runs[0] / "run.json").read_text())
+    counted = ("objects_appeared", "objects_vanished", "objects_unknown", "objects_vegetation")
+    assert sum(record["metrics"][name] for name in counted) == len(objects)
+
+
 def test_record_and_report_name_each_correction(survey, runs):
     _, heap, car = survey
     out, _, _, _ = runs

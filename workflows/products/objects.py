@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import geopandas as gpd
+import numpy as np
 
 from ...engine.geometry.rigid_transform import RigidTransform
+from ...engine.grid.geotiff import open_any_grid
 from ...engine.maps.qgis_styles import objects_qml
 from ...engine.objects.find import find_groups
 from ...engine.objects.kinds import VEGETATION
@@ -16,6 +18,7 @@ from ...engine.objects.survey import read_survey
 from ...engine.objects.table import Origin, object_figures, objects_frame
 from ...engine.vector.geopackage import Layer, read_layer, write_layers
 from ...interface.parameters import InputParameters
+from ...interface.seen import EXCLUDED, RASTER
 from ..run import Run
 from .change import Context
 
@@ -36,13 +39,13 @@ class Classified:
 
 
 def write_objects(run: Run, clouds: Classified, context: Context) -> None:
-    """Write ``objects.gpkg``; the zones of the run are written already."""
+    """Write ``objects.gpkg``; the zones and ``seen.tif`` of the run are written already."""
     with run.step("objects", 0.99, 0.99, "comparing what stands above the ground") as entry:
         first = read_survey(clouds.first, inputs=clouds.inputs)
         later = read_survey(clouds.later, clouds.transform, clouds.inputs)
         zones = read_layer(run.stage.path("zones.gpkg"), "zones")
         origin = Origin(context.crs, context.dates, context.run_id)
-        frame = objects_frame(find_groups(first, later), zones, origin)
+        frame = _compared(objects_frame(find_groups(first, later), zones, origin), run.stage.path(RASTER))
         path = run.stage.path(OBJECTS)
         write_layers(path, [Layer(frame, "objects", objects_qml(), "MultiPolygon")], stamp=context.second.date)
         run.outputs["objects"] = run.stage.final(OBJECTS)
@@ -50,6 +53,16 @@ def write_objects(run: Run, clouds: Classified, context: Context) -> None:
         run.figures |= figures
         run.facts["objects"] = _recorded(frame)
         entry |= figures
+
+
+def _compared(frame: gpd.GeoDataFrame, seen: Path) -> gpd.GeoDataFrame:
+    """The objects whose middle does not lie where people excluded the slope from the comparison."""
+    middles = frame.geometry.representative_point()
+    with open_any_grid(seen) as source:
+        classes = np.array(
+            [value[0] for value in source.sample(zip(middles.x, middles.y, strict=True))], dtype=np.uint8
+        )
+    return frame[classes != EXCLUDED]
 
 
 def _recorded(frame: gpd.GeoDataFrame) -> list[dict[str, Any]]:
