@@ -74,8 +74,8 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     layers = {name: layer for name, layer in loaded.items() if name not in MOTION_LAYERS}
     assert list(layers) == [
         "Objects above the ground", "Hazard zones", "Screened zones", "Footprints of the volumes", "Unsure change",
-        "Significant change (m)", "Elevation change (m)", "Top view", "Ground heights, later survey (m)",
-        "Ground heights, earlier survey (m)",
+        "Significant change (m)", "Seen and not seen", "Elevation change (m)", "Top view",
+        "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
     ]  # fmt: skip
     assert {name: layer["renderer"] for name, layer in layers.items()} == {
         "Objects above the ground": "categorizedSymbol",
@@ -84,15 +84,17 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
         "Footprints of the volumes": "categorizedSymbol",
         "Unsure change": "categorizedSymbol",
         "Significant change (m)": "singlebandpseudocolor",
+        "Seen and not seen": "paletted",
         "Elevation change (m)": "singlebandpseudocolor",
         "Top view": "multibandcolor",
         "Ground heights, later survey (m)": "hillshade",
         "Ground heights, earlier survey (m)": "hillshade",
     }
     shown = {name for name, layer in layers.items() if layer["visible"]}
-    assert shown == {"Objects above the ground", "Hazard zones", "Significant change (m)", "Top view"}, (
-        "what is within its error is not coloured"
-    )
+    # what is within its error is not coloured
+    assert shown == {
+        "Objects above the ground", "Hazard zones", "Significant change (m)", "Seen and not seen", "Top view",
+    }  # fmt: skip
     for layer in layers.values():
         assert layer["valid"]
         assert layer["group"] == "SlopeWatch 2024-05-01 to 2025-05-01"

@@ -75,7 +75,7 @@ def test_every_raster_and_its_style_load(given: Path) -> None:
         if style.is_file():
             message, sound = layer.loadNamedStyle(str(style))
             assert sound, (style, message)
-            assert layer.renderer().type() == "singlebandpseudocolor"
+            assert layer.renderer().type() == ("paletted" if path.stem == "seen" else "singlebandpseudocolor")
 
 
 def test_a_rasters_descriptor_has_the_colours_that_qgis_writes_of_its_style(given: Path, tmp_path: Path) -> None:
