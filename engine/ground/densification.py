@@ -34,15 +34,11 @@ MAX_SEED_SLOPE_DEG = 30.0
 """A seed that stands over all but one of its neighbours more steeply is in a crown."""
 MAX_PIT_SLOPE_DEG, MAX_PIT_DEPTH_M = 50.0, 0.15
 """A candidate that lies deeper below all of its neighbours, and more steeply, is no ground."""
-FIRST_SHARE, SHARE_STEP = 0.3, 0.1
-"""Share of a point's largest angle under which it may be seen from its triangle: at first, and more each round."""
-SPACING_M, SPACING_NEIGHBOURS = 0.6, 6
-"""Spacing of candidates up to which they join under the same angle, and the neighbours by which it is measured."""
-BEND, MAX_ANGLE_DEG = 0.3, 35.0
-"""Inclination that ground gains for each metre of spacing, 10 degrees at SPACING_M, and the largest angle."""
-CLOSE_M, ROUGH, MAX_DISTANCE_M = 0.05, 0.14, 1.0
-"""Distance from the triangle that joins at any angle, what is allowed besides for each metre that points lie farther
-apart than SPACING_M, and the largest, or the spacing where that is larger."""
+ANGLES_DEG = (3.0, 10.0)
+"""Angle under which a point is seen from its triangle, at first and at last."""
+ANGLE_STEP_DEG = 1.0
+MAX_DISTANCE_M, CLOSE_M = 1.0, 0.05
+"""Distance from the triangle: never more than the first; less than the second joins at any angle."""
 MIN_WINDOW_M = 1.0
 MAX_ROUNDS = 24
 MIN_GAIN_SHARE = 0.002
@@ -113,62 +109,34 @@ def densified(points: Float, anchored: Bool | None = None, window: float | None 
     usable = ~_pits(points)
     window = seed_window_of(float(spans(points[:, :2]).min())) if window is None else window
     ground[_all_seeds(points, usable, anchored, window)] = True
-    limits = _limits(points)
-    _densify(points, ground, usable, limits, window)
+    _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):
         adjacent = _continued(points, ground, usable)
         if np.count_nonzero(adjacent) <= MIN_GAIN_SHARE * np.count_nonzero(ground):
             break
         ground |= adjacent
-    _densify(points, ground, usable, limits, MIN_WINDOW_M, 1.0)
+    _densify(points, ground, usable, MIN_WINDOW_M, ANGLES_DEG[1])
     return ground
 
 
-@dataclass(frozen=True)
-class _Limits:
-    """Of each candidate (n,): largest inclination (tangent of the angle), distance and what roughness adds to it, m."""
-
-    inclination: Float
-    farthest: Float
-    rough: Float
-
-    def join(self, index: Index, distance: Float, near: Float, share: float) -> Bool:
-        """(m,) which of the candidates at ``index`` join, under a ``share`` of their inclination."""
-        away = np.abs(distance)
-        allowed = np.maximum(CLOSE_M, share * self.inclination[index] * near) + self.rough[index]
-        return np.asarray((away < self.farthest[index]) & (away < allowed), dtype=np.bool_)
-
-
-def _limits(points: Float) -> _Limits:
-    """Ground bends more between points that lie farther apart."""
-    count = min(SPACING_NEIGHBOURS + 1, len(points))
-    away = cKDTree(points[:, :2]).query(points[:, :2], k=[count])[0][:, 0]
-    spacing = np.maximum(away * math.sqrt(math.pi / count), SPACING_M)
-    inclination = np.minimum(BEND * spacing, math.tan(math.radians(MAX_ANGLE_DEG)))
-    return _Limits(inclination, np.maximum(MAX_DISTANCE_M, spacing), ROUGH * (spacing - SPACING_M))
-
-
-def _densify(
-    points: Float, ground: Bool, usable: Bool, limits: _Limits, window: float, share: float = FIRST_SHARE
-) -> None:
+def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_angle: float = ANGLES_DEG[0]) -> None:
     """Let candidates join ``ground`` (n,), in place, until no more come."""
-    for _ in range(MAX_ROUNDS):
+    for round_number in range(MAX_ROUNDS):
         rest = np.flatnonzero(usable & ~ground)
         if not len(rest) or not ground.any():
             break
-        distance, near = Triangles(points[ground]).seen(points[rest])
-        joins = limits.join(rest, distance, near, share)
-        last = share >= 1.0
-        share = min(share + SHARE_STEP, 1.0)
-        window = max(MIN_WINDOW_M, window / 2.0)
+        distance, angle = Triangles(points[ground]).seen(points[rest])
+        allowed = min(first_angle + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
+        joins = (np.abs(distance) < MAX_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
         if not joins.any():
-            if last:
+            if allowed >= ANGLES_DEG[1]:
                 break
             continue
+        size = max(MIN_WINDOW_M, window / 2.0 ** (round_number + 1))
         low = np.column_stack([points[rest[joins], :2], distance[joins]])
-        chosen = rest[joins][lowest_of_cells(low, window)]
+        chosen = rest[joins][lowest_of_cells(low, size)]
         ground[chosen] = True
-        if last and len(chosen) < MIN_GAIN_SHARE * np.count_nonzero(ground):
+        if allowed >= ANGLES_DEG[1] and len(chosen) < MIN_GAIN_SHARE * np.count_nonzero(ground):
             break
 
 
@@ -249,7 +217,7 @@ class Triangles:
         return np.asarray(interpolator(xy - self.middle), dtype=np.float64)
 
     def seen(self, points: Float) -> tuple[Float, Float]:
-        """Signed distance (m,) of points from their triangle's plane, and horizontal distance of its nearest corner.
+        """Signed distance (m,) of points from their triangle's plane, and the angle at its nearest corner, degrees.
 
         Beyond the surface the distance is infinite: points there are not judged.
         """
@@ -261,7 +229,7 @@ class Triangles:
         distance = ((points - corners[:, 0]) * normal).sum(axis=1) / length * upward
         distance[triangle < 0] = np.inf
         near = np.hypot(*np.moveaxis(corners[:, :, :2] - points[:, None, :2], 2, 0)).min(axis=1)
-        return distance, near
+        return distance, np.degrees(np.arctan2(np.abs(distance), near))
 
 
 def _all_seeds(points: Float, usable: Bool, anchored: Bool | None, window: float) -> Index:

@@ -1,13 +1,11 @@
 """Heights of points over triangles through the ground's candidates, without stray returns below the ground.
 
 A large cloud is worked on in tiles (``tiles``). What a tile must not decide for itself stands in ``Whole``: how
-squares lie, how wide the seeds' windows are, the outline of the relief, and whether strays are looked for, which is a
-matter of their share.
+squares lie, how wide the seeds' windows are, and whether strays are looked for, which is a matter of their share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,13 +14,10 @@ from scipy import ndimage
 from ..core.arrays import Bool, Float
 from ..geometry.columns import greatest, least
 from .densification import CANDIDATE_CELL_M, Triangles, densified, lowest_supported
-from .relief import SQUARE_M, Relief, relief
 from .squares import lowest_corner
 from .stray_low import MIN_REPORTED_SHARE, stray_below
 
 SURFACE_CELL_M = 0.25
-NEAR_RELIEF_M = 0.5
-"""Points within this distance of the relief give seeds too: the cloth hangs over edges and spans valleys."""
 SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
 """Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
 
@@ -31,14 +26,13 @@ SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
 class Whole:
     """What parts of one cloud have in common.
 
-    ``origin`` (2,) m is where all squares begin, ``window`` (m) the side of the seeds' windows, ``outline`` the relief
-    that is taken off first; ``slope_strays`` says whether strays are taken out in slices of the slope, ``stray_rounds``
-    how often over the triangles. Where these two are None, the points at hand decide by their share of strays.
+    ``origin`` (2,) m is where all squares begin, ``window`` (m) the side of the seeds' windows; ``slope_strays`` says
+    whether strays are taken out in slices of the slope, ``stray_rounds`` how often over the triangles. Where these two
+    are None, the points at hand decide by their share of strays.
     """
 
     origin: Float
     window: float
-    outline: Relief | None = None
     slope_strays: bool | None = None
     stray_rounds: int | None = None
 
@@ -70,10 +64,6 @@ def surface_heights(xyz: Float, anchored: Bool, taken: Bool, whole: Whole | None
     rounds = None if whole is None else whole.stray_rounds
     left = taken if given is False else _without_strays(xyz, taken, SLICE_M, whole, always=given is True)
     first = int(np.count_nonzero(left)) < int(np.count_nonzero(taken))
-    outline = outline_of([xyz[taken]]) if whole is None else whole.outline
-    if outline is not None:
-        even = xyz[:, 2] - outline.at(xyz)
-        xyz, anchored = np.column_stack([xyz[:, :2], even]), anchored | (np.abs(even) < NEAR_RELIEF_M)
     height = _over_triangles(xyz, anchored, left, whole)
     done = 0
     for _ in range(STRAY_ROUNDS if rounds is None else rounds):
@@ -86,15 +76,6 @@ def surface_heights(xyz: Float, anchored: Bool, taken: Bool, whole: Whole | None
         height = _over_triangles(xyz, anchored, left, whole)
         done += 1
     return Heights(height, left, 1.0 - int(np.count_nonzero(left)) / everything, first, done)
-
-
-def outline_of(parts: Iterable[Float], origin: Float | None = None) -> Relief | None:
-    """The relief of a cloud whose ``parts`` are points (n, 3) that may be ground; see ``relief``."""
-    low, returns = [], 0
-    for points in parts:
-        low.append(points[lowest_supported(points, SQUARE_M, origin)])
-        returns += len(points)
-    return relief(np.concatenate(low), returns, origin)
 
 
 def _without_strays(xyz: Float, taken: Bool, slice_m: float, whole: Whole | None, *, always: bool) -> Bool:
