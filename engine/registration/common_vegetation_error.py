@@ -18,7 +18,7 @@ from .surface import Surface
 
 SHARED = 0.6
 """Share of the stated error by vegetation that a whole slope shares: the mean error of six ground clouds of forest
-strips against the vendors' ground is 0.12 to 0.62 of it."""
+strips against the vendors' ground is 0.12 to 0.62 of it. Sparse simulated grass shows 0.8 to 1.3."""
 
 
 def common_vegetation_error(matcher: Matcher, pose: Pose, places: Float) -> float:
