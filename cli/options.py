@@ -100,7 +100,7 @@ class Session:
 
     def parameters(self, group: type[Group]) -> Group:
         """The parameter group: the profile's values overridden by the options given, which are of the command's own."""
-        own = any(issubclass(one, group) for one in self.groups)
+        own = any(issubclass(one, group) or issubclass(group, one) for one in self.groups)
         return group.build(self.values if own else {}, self.profile)
 
     @property

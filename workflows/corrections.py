@@ -13,7 +13,7 @@ from ..engine.core.progress import Progress
 from ..engine.epochs.epoch import Epoch
 from ..engine.pointcloud.reading import open_cloud
 from ..engine.vector.area import read_roi
-from ..engine.vector.corrections import Corrections, read_corrections
+from ..engine.vector.corrections import Corrections, OutsideError, read_corrections
 from ..interface.corrections import ACTION, GROUND
 from ..interface.parameters import InputParameters
 
@@ -54,3 +54,16 @@ def refuse_forced_ground(corrections: Corrections, ground: str) -> None:
             f"{shown(corrections.path)} has areas with the {ACTION} {GROUND}, but all points of the surveys are taken "
             "as the ground; remove these areas, or set ground to extract."
         )
+
+
+def lie_on(path: Path, epochs: Sequence[Epoch], roi: Path | None, inputs: InputParameters) -> bool:
+    """Whether some corrections of a file lie on the slope of these surveys.
+
+    Raises:
+        InputError: they cannot be used.
+    """
+    try:
+        corrections_of(path, epochs, roi, inputs, Progress())
+    except OutsideError:
+        return False
+    return True

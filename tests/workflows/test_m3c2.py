@@ -126,16 +126,15 @@ class TestCalibration:
         assert [w for w in progress.warnings if "--stable has no effect with --no-calibrate" in w]
         assert not [w for w in plain.warnings if "--stable" in w]
 
-    def test_plants_that_a_cloud_tells_of_widen_the_level(self, unchanged, tmp_path):
+    def test_plants_that_a_cloud_tells_of_widen_no_level_if_the_surveys_are_alike(self, unchanged, tmp_path):
         paths = [
             write(tmp_path / path.name, np.asarray(laspy.read(path).xyz), plant_error=np.full(24_000, 0.05))
             for path in unchanged
         ]
         shared = {"registration_error": 0.0, "projection_scale": 0.6, "normal_scale": 0.6, "half_length": 0.5}
         plain, stated = (run(*some, tmp_path / "out.laz", **shared).figures for some in (unchanged, paths))
-        # at least a part of the stated error stays, however alike the surveys are
-        expected = 1.96 * 0.4 * 0.05 * np.sqrt(2) * np.cos(DIP)
-        assert stated["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
+        # stable ground shows none of the stated error
+        assert stated["lod_median_m"] == pytest.approx(plain["lod_median_m"], rel=0.15)
 
 
 def test_rasters_lie_on_a_snapped_grid_with_the_tags_of_all_rasters(outcome):

@@ -11,9 +11,7 @@ from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.epochs.epoch import Epoch
 from ...engine.epochs.manifest import check_series
-from ...engine.vector.corrections import OutsideError
 from ...interface.parameters import BatchParameters, InputParameters
-from ..corrections import corrections_of
 from ..layer_files import NO_LAYERS, LayerFiles
 from .folder_names import folder_name
 from .jobs import Job, Problem, Slope
@@ -110,11 +108,11 @@ def _of_corridor(slope: Slope, common: Common, options: Mapping[str, Any], profi
         InputError: they cannot be used.
     """
     path, epochs = common.layers.corrections, [Epoch(survey.cloud, survey.day) for survey in slope.surveys]
-    try:
-        corrections_of(path, epochs, slope.roi, InputParameters.build(options, profile), Progress())
-    except OutsideError:
+    if path is None:
         return None
-    return path
+    from ..corrections import lie_on  # its libraries take longer to load than a finished corridor to look at
+
+    return path if lie_on(path, epochs, slope.roi, InputParameters.build(options, profile)) else None
 
 
 def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes, settings: _EffectiveSettings) -> Job:
