@@ -13,7 +13,7 @@ from typing import Any
 
 from matplotlib import font_manager
 from matplotlib.axis import Axis
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.dates import MONTHLY, AutoDateLocator, ConciseDateFormatter
 from matplotlib.font_manager import FontEntry, FontProperties
 
 from ...interface.language import ENGLISH, current_language, translator
@@ -83,6 +83,7 @@ def chinese_font_files() -> list[Path]:
 def date_axis(axis: Axis, max_ticks: int | None = None) -> None:
     """Days along an axis, whose months have no English names where the words are in another language."""
     locator = AutoDateLocator(maxticks=max_ticks)
+    locator.intervald[MONTHLY] = [1, 2, 3, 4, 6, 12]  # without a year, few ticks on four years are warned of
     numeric: dict[str, Any] = {}
     if picture_language() != ENGLISH:
         numeric = {"formats": _NUMERIC_DATES, "offset_formats": _NUMERIC_OFFSETS}
