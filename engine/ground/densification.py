@@ -34,11 +34,14 @@ MAX_SEED_SLOPE_DEG = 30.0
 """A seed that stands over all but one of its neighbours more steeply is in a crown."""
 MAX_PIT_SLOPE_DEG, MAX_PIT_DEPTH_M = 50.0, 0.15
 """A candidate that lies deeper below all of its neighbours, and more steeply, is no ground."""
-ANGLES_DEG = (3.0, 10.0)
-"""Angle under which a point is seen from its triangle, at first and at last."""
-ANGLE_STEP_DEG = 1.0
-MAX_DISTANCE_M, CLOSE_M = 1.0, 0.05
-"""Distance from the triangle: never more than the first; less than the second joins at any angle."""
+FIRST_SHARE, SHARE_STEP = 0.3, 0.1
+"""Share of a point's largest angle under which it may be seen from its triangle: at first, and more each round."""
+SPACING_M, SPACING_NEIGHBOURS = 0.6, 20
+"""Spacing of candidates up to which they join under the same angle, and the neighbours by which it is measured."""
+BEND, MAX_ANGLE_DEG = 0.3, 35.0
+"""Inclination that ground gains for each metre of spacing, 10 degrees at SPACING_M, and the largest angle."""
+CLOSE_M, MAX_DISTANCE_M = 0.05, 1.0
+"""Distance from the triangle that joins at any angle, and the largest, or the spacing where that is larger."""
 MIN_WINDOW_M = 1.0
 MAX_ROUNDS = 24
 MIN_GAIN_SHARE = 0.002
@@ -92,13 +95,16 @@ def seed_window_of(extent: float) -> float:
     return min(SEED_WINDOW_M, max(MIN_WINDOW_M, extent / MIN_SEED_WINDOWS))
 
 
-def densified(points: Float, anchored: Bool | None = None, window: float | None = None) -> Bool:
+def densified(
+    points: Float, anchored: Bool | None = None, window: float | None = None, sure: Bool | None = None
+) -> Bool:
     """Which of the candidates (n, 3), at most one a cell, lie on the ground.
 
     Args:
         points: (n, 3) metres, in a frame in which the slope lies flat.
         anchored: (n,) candidates that the cloth found, from which the seeds are taken; all by default.
         window: side (m) of the windows from which seeds are taken, where the points are a part of a cloud.
+        sure: (n,) candidates that are ground from the start.
 
     Returns:
         (n,) bool.
@@ -109,34 +115,62 @@ def densified(points: Float, anchored: Bool | None = None, window: float | None 
     usable = ~_pits(points)
     window = seed_window_of(float(spans(points[:, :2]).min())) if window is None else window
     ground[_all_seeds(points, usable, anchored, window)] = True
-    _densify(points, ground, usable, window)
+    if sure is not None:
+        ground |= usable & sure
+    limits = _limits(points)
+    _densify(points, ground, usable, limits, window)
     for _ in range(CONTINUED_ROUNDS):
         adjacent = _continued(points, ground, usable)
         if np.count_nonzero(adjacent) <= MIN_GAIN_SHARE * np.count_nonzero(ground):
             break
         ground |= adjacent
-    _densify(points, ground, usable, MIN_WINDOW_M, ANGLES_DEG[1])
+    _densify(points, ground, usable, limits, MIN_WINDOW_M, 1.0)
     return ground
 
 
-def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_angle: float = ANGLES_DEG[0]) -> None:
+@dataclass(frozen=True)
+class _Limits:
+    """Of each candidate (n,): the largest inclination (tangent of the angle) and distance (m)."""
+
+    inclination: Float
+    farthest: Float
+
+    def join(self, index: Index, distance: Float, near: Float, share: float) -> Bool:
+        """(m,) which of the candidates at ``index`` join, under a ``share`` of their inclination."""
+        allowed = np.maximum(CLOSE_M, share * self.inclination[index] * near)
+        return np.asarray(np.abs(distance) < np.minimum(allowed, self.farthest[index]), dtype=np.bool_)
+
+
+def _limits(points: Float) -> _Limits:
+    """Ground bends more between points that lie farther apart."""
+    count = min(SPACING_NEIGHBOURS + 1, len(points))
+    away = cKDTree(points[:, :2]).query(points[:, :2], k=[count])[0][:, 0]
+    spacing = np.maximum(away * math.sqrt(math.pi / count), SPACING_M)
+    inclination = np.minimum(BEND * spacing, math.tan(math.radians(MAX_ANGLE_DEG)))
+    return _Limits(inclination, np.maximum(MAX_DISTANCE_M, spacing))
+
+
+def _densify(
+    points: Float, ground: Bool, usable: Bool, limits: _Limits, window: float, share: float = FIRST_SHARE
+) -> None:
     """Let candidates join ``ground`` (n,), in place, until no more come."""
-    for round_number in range(MAX_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         rest = np.flatnonzero(usable & ~ground)
         if not len(rest) or not ground.any():
             break
-        distance, angle = Triangles(points[ground]).seen(points[rest])
-        allowed = min(first_angle + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
-        joins = (np.abs(distance) < MAX_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
+        distance, near = Triangles(points[ground]).seen(points[rest])
+        joins = limits.join(rest, distance, near, share)
+        last = share >= 1.0
+        share = min(share + SHARE_STEP, 1.0)
+        window = max(MIN_WINDOW_M, window / 2.0)
         if not joins.any():
-            if allowed >= ANGLES_DEG[1]:
+            if last:
                 break
             continue
-        size = max(MIN_WINDOW_M, window / 2.0 ** (round_number + 1))
         low = np.column_stack([points[rest[joins], :2], distance[joins]])
-        chosen = rest[joins][lowest_of_cells(low, size)]
+        chosen = rest[joins][lowest_of_cells(low, window)]
         ground[chosen] = True
-        if allowed >= ANGLES_DEG[1] and len(chosen) < MIN_GAIN_SHARE * np.count_nonzero(ground):
+        if last and len(chosen) < MIN_GAIN_SHARE * np.count_nonzero(ground):
             break
 
 
@@ -217,7 +251,7 @@ class Triangles:
         return np.asarray(interpolator(xy - self.middle), dtype=np.float64)
 
     def seen(self, points: Float) -> tuple[Float, Float]:
-        """Signed distance (m,) of points from their triangle's plane, and the angle at its nearest corner, degrees.
+        """Signed distance (m,) of points from their triangle's plane, and horizontal distance of its nearest corner.
 
         Beyond the surface the distance is infinite: points there are not judged.
         """
@@ -229,7 +263,7 @@ class Triangles:
         distance = ((points - corners[:, 0]) * normal).sum(axis=1) / length * upward
         distance[triangle < 0] = np.inf
         near = np.hypot(*np.moveaxis(corners[:, :, :2] - points[:, None, :2], 2, 0)).min(axis=1)
-        return distance, np.degrees(np.arctan2(np.abs(distance), near))
+        return distance, near
 
 
 def _all_seeds(points: Float, usable: Bool, anchored: Bool | None, window: float) -> Index:

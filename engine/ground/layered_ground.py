@@ -59,8 +59,8 @@ MAX_SEPARATE_WINDOW_M = 1.2
 """In larger windows relief and forest floor fill the gap between rough ground and what grows on it."""
 DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
 """Height over the ground of the mean of what is taken under plants: where returns are few, each counts."""
-SPARSE_THRESHOLD_M = 0.1
-"""Least threshold where returns are few, and triangles are as wide as relief."""
+SPARSE_THRESHOLD_M, SINGLE_THRESHOLD_M = 0.1, 0.3
+"""Least threshold where returns are few and triangles as wide as relief, and where they are single (see ``relief``)."""
 TRIANGLE_REACH = 1.5
 """Where returns are few: thresholds from the windows' ground up to which the triangles decide."""
 MAX_HEIGHT_STRETCH = 1.55
@@ -106,7 +106,8 @@ class LayeredGround:
 class Windows:
     """Side of the windows, largest scatter of bare ground in them and threshold, metres.
 
-    ``wider`` is how much more returns scatter there than in small windows; ``least_below`` see ``lowest_layers``.
+    ``wider`` is how much more returns scatter there than in small windows; ``least_below`` see ``lowest_layers``;
+    ``single``: windows are far wider than relief, and only the triangles decide.
     """
 
     side: float
@@ -114,6 +115,7 @@ class Windows:
     threshold: float
     wider: float
     least_below: float
+    single: bool = False
 
     @property
     def tolerance(self) -> float:
@@ -140,7 +142,7 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     bare_ground = BARE_SCATTER_M
     if len(index) and side <= MAX_CLOSER_WINDOW_M:
         bare_ground = bare_scatter(low[:, [0, 1, 3, 2]], side) or BARE_SCATTER_M
-    windows = windows_for(side, bare_ground, threshold, surface.strays)
+    windows = windows_for(side, bare_ground, threshold, surface.strays, single=surface.single)
     if not len(index):
         return _nothing(len(xyz), windows.scatter, windows.threshold)
     return _ground_of(xyz, height, index, low, windows)
@@ -169,18 +171,18 @@ def of_lowest_layers(height: Float, left: Bool) -> Bool:
     return left & (height > LOWEST_M) & (height < HIGHEST_M)
 
 
-def windows_for(side: float, bare_ground: float, threshold: float, strays: float) -> Windows:
+def windows_for(side: float, bare_ground: float, threshold: float, strays: float, *, single: bool = False) -> Windows:
     """The windows of a cloud, of ``side`` m, whose bare ground scatters by ``bare_ground`` m.
 
     Args:
         threshold: least distance (m) from the surface within which a point of bare ground is ground.
         strays: share of stray returns that were left out.
+        single: see ``surface_heights.Whole``.
     """
     scatter = math.hypot(bare_ground, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
-    threshold = max(
-        threshold, MIN_THRESHOLD_SCATTERS * scatter, SPARSE_THRESHOLD_M if side > MAX_CLOSER_WINDOW_M else 0.0
-    )
-    return Windows(side, scatter, threshold, scatter / bare_ground, MIN_BELOW_SHARE + STRAYS_LEFT * strays)
+    least = SPARSE_THRESHOLD_M if side > MAX_CLOSER_WINDOW_M else 0.0
+    threshold = max(threshold, MIN_THRESHOLD_SCATTERS * scatter, SINGLE_THRESHOLD_M if single else least)
+    return Windows(side, scatter, threshold, scatter / bare_ground, MIN_BELOW_SHARE + STRAYS_LEFT * strays, single)
 
 
 def _ground_of(
@@ -275,6 +277,8 @@ def _judged(points: Float, windows: Windows) -> Float:
         about = np.abs(height) <= TRIANGLE_REACH * windows.threshold
         ground = (np.abs(points[:, 2]) <= windows.threshold) & (about | ~np.isfinite(height))
     ground &= ~(error > MAX_PLANT_ERROR_M)
+    if windows.single:
+        ground = np.abs(points[:, 2]) <= windows.threshold
     unknown = ~np.isfinite(height) | (error > MAX_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
     return np.column_stack([height * stretch, ground, bare, error, np.maximum(each(layers.median), 0.0)])

@@ -76,7 +76,8 @@ def windows_of(spool: Spool, surfaces: Surfaces, parameters: GroundParameters) -
         places = square_places(squares.found()[0])
         middle = np.array([_median(places[:, axis], counts) for axis in (0, 1)]) + 0.5 + surfaces.low_corner
         bare_ground = bare_scatter(_returns_about(spool, middle), side) or BARE_SCATTER_M
-    return windows_for(side, bare_ground, parameters.class_threshold, surfaces.strays)
+    single = surfaces.whole.single
+    return windows_for(side, bare_ground, parameters.class_threshold, surfaces.strays, single=single)
 
 
 def _low_returns(spool: Spool, tile: int) -> Float:

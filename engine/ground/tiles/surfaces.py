@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..cloth import cloth_ground
 from ..filtering import cloth_threshold
 from ..layered_ground import of_lowest_layers
 from ..lowest_layer import HIGHEST_M, LOWEST_M
-from ..surface_heights import Whole, surface_heights
+from ..surface_heights import Whole, outline_of, surface_heights
 from .layout import HALO_M
 from .spool import SURFACE, Around, Spool
 
@@ -91,9 +91,10 @@ def lay_surfaces(spool: Spool, cloth: Cloth, whole: Whole, done: Callable[[int],
     """Heights over the triangles in every tile.
 
     Args:
-        whole: of which strays are not decided yet.
+        whole: of which the outline is not known and strays are not decided yet.
         done: called after each tile with their number so far.
     """
+    whole = replace(whole, outline=outline_of(_cores(spool), whole.origin))
     tried = {tile: _lay(spool, tile, cloth, whole) for tile in _pilots(spool)}
     # most of some tiles decide for all, by their own shares of strays
     first = np.median([laid.slope_strays for laid in tried.values()]) > 0.5
@@ -116,6 +117,13 @@ def _pilots(spool: Spool) -> list[int]:
     """Some tiles, evenly over the slope, that hold at least as many points as half of all."""
     full = np.flatnonzero(spool.counts >= np.median(spool.counts))
     return [int(full[i]) for i in np.unique(np.linspace(0, len(full) - 1, PILOTS).round().astype(np.int64))]
+
+
+def _cores(spool: Spool) -> Iterator[Float]:
+    """The points (n, 3) of each tile that may be ground."""
+    for tile in range(len(spool.tiles)):
+        (around,) = spool.read(tile, 0.0)
+        yield around.flat[: around.core][around.taken[: around.core]]
 
 
 def _lay(spool: Spool, tile: int, cloth: Cloth, whole: Whole) -> _Laid:

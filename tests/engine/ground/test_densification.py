@@ -44,8 +44,8 @@ def test_heights_and_distances_are_those_of_the_triangle_with_an_empty_circle(hi
     queries = np.column_stack([rng.uniform([3, 2], [7, 6], (25, 2)), rng.uniform(-2, 2, 25)])
     surface = Triangles(hills)
     heights = surface.height(queries[:, :2])
-    distances, angles = surface.seen(queries)
-    for query, height, distance, angle in zip(queries, heights, distances, angles, strict=True):
+    distances, nearest = surface.seen(queries)
+    for query, height, distance, away in zip(queries, heights, distances, nearest, strict=True):
         corners = triangle_at(hills, query[:2])
         share = np.linalg.solve(np.vstack([corners[:, :2].T, np.ones(3)]), [*query[:2], 1.0])
         assert height == pytest.approx(share @ corners[:, 2], abs=1e-9)
@@ -53,8 +53,7 @@ def test_heights_and_distances_are_those_of_the_triangle_with_an_empty_circle(hi
         p, q, r = np.linalg.solve(np.column_stack([corners[:, :2], np.ones(3)]), corners[:, 2])
         expected = (query[2] - (p * query[0] + q * query[1] + r)) / np.sqrt(1 + p * p + q * q)
         assert distance == pytest.approx(expected, abs=1e-9)
-        near = min(np.hypot(*(corner[:2] - query[:2])) for corner in corners)
-        assert angle == pytest.approx(np.degrees(np.arctan(abs(expected) / near)))
+        assert away == pytest.approx(min(np.hypot(*(corner[:2] - query[:2])) for corner in corners))
 
 
 def test_the_surface_goes_on_level_around_its_points_and_ends(hills):

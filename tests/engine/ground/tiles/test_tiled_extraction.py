@@ -24,8 +24,8 @@ from slopewatch.tests.builders.limits import CANCELLED_S, PATIENCE_S
 from slopewatch.tests.builders.long_slope import SMALL_GB
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real" / "ign_tiles"
-MAX_DIFFERENT_SHARE = 0.015
-"""Of the ground's points, those that only one of the two ways takes for ground."""
+MAX_DIFFERENT_SHARE = 0.02
+"""Of the ground's points, those that only one of the two ways takes for ground; at edges the cloth's seeds decide."""
 
 
 def labels(path: Path) -> np.ndarray:
