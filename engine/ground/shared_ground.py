@@ -27,7 +27,7 @@ MARGIN_M = 4.0
 MIN_GROUND_POINTS = 30
 MAX_CHANCE = 0.01
 """Probability that so many returns lie in a sheet by chance, if it is not new."""
-MIN_TIMES = 3.0
+MIN_TIMES = 2.0
 """A new sheet holds this many times the share of returns that the other survey has there."""
 MAX_BELOW_SHARE, MAX_ABOVE_SHARE = 0.1, 0.5
 """Returns below a raised sheet and right above it, as shares of those in it: more belong to an object or crowns."""
@@ -75,7 +75,7 @@ def shared_ground(own: Survey, other: Survey, threshold: float) -> Found:
     part = np.flatnonzero(_near(flat[hole], flat, MARGIN_M) & _near(others[other.ground], flat, 2.0 * REACH_M))
     level = _over(surface, flat[part])
     found = layered_ground(level, own.ground[part], own.taken[part], threshold)
-    new = found.ground & hole[part]
+    new = found.ground & hole[part] & np.isfinite(found.plant_error)
     moved = np.flatnonzero(new & (np.abs(level[:, 2]) > found.threshold))
     around = others[_near(flat[hole], others)]
     new[moved] = _is_new(level, moved, _over(surface, around), found.threshold)

@@ -43,8 +43,10 @@ def test_ground_that_changed_is_found(bump):
     assert right.mean() > 0.95
     inner = np.flatnonzero(truth & (np.hypot(*(own.xyz[:, :2] - MIDDLE).T) < HOLE - 1.5))
     assert np.isin(inner, found.index).mean() > 0.7
-    assert not own.ground[found.index].any() and hole[found.index].all()
-    assert np.abs(found.height).max() < 0.3 and (found.plant_error >= 0).all()
+    assert not own.ground[found.index].any()
+    assert hole[found.index].all()
+    assert np.abs(found.height).max() < 0.3
+    assert (found.plant_error >= 0).all()
 
 
 def flat_top(random, count):
@@ -57,15 +59,15 @@ def crowns(random, count):
 
 @pytest.mark.parametrize("shape", [flat_top, crowns])
 def test_vegetation_that_both_surveys_hold_is_no_ground(shape):
-    """Some returns of the other survey reach the ground below it, none of this one do; one return may lie near it."""
+    """Some returns of the other survey reach the ground below it, none of this one do; single ones may lie near it."""
     first, truth, hole = survey(1)
     random = np.random.default_rng(5)
-    over = hole & truth & (random.random(len(hole)) < 0.7)
+    over = hole & truth & (random.random(len(hole)) < 0.85)
     xyz = first.xyz.copy()
     xyz[over, 2] = height(xyz[over, :2]) + shape(random, int(over.sum()))
     other = Survey(xyz, first.ground & ~over, first.taken)
-    own, _, _ = survey(2, seen=False, stripped=shape)
-    assert len(shared_ground(own, other, THRESHOLD).index) <= 1
+    own, truth, hole = survey(2, seen=False, stripped=shape)
+    assert len(shared_ground(own, other, THRESHOLD).index) < 0.05 * np.count_nonzero(truth & hole)
 
 
 def test_new_crowns_are_no_ground():
