@@ -40,7 +40,7 @@ def within(las, middle, radius=3.0):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A run in which the later survey's extraction found no ground in a disc; the disc's middle, the points lost within 2 m of it."""
+    """A run whose later survey lost its ground in a disc; the disc's middle, and the points lost within 2 m of it."""
     pair = simulate_pair(SurveyParameters(points=25_000, length=24.0, height=10.0, vegetation=0.2, seed=5), changes=())
     folder = tmp_path_factory.mktemp("shared")
     paths = write_pair(pair, folder)
