@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -31,6 +32,7 @@ AIMS = {1.5: 0.60, 2.5: 0.80}
 SURVEY_HEIGHTS_M = (0.3, 0.5, 0.8)
 MAX_FACTOR = 10.0
 """Of A70 that is told: a larger one says only that the detector hardly finds more where hazards are higher."""
+_LINE = 140
 SHOWN = (*FILTERS, SHIPPED, POINT_ZONES, RAW, RELATIVE, COMBINED)
 """Columns; what else is measured is in the JSON and in the table of the ways of joining."""
 
@@ -274,7 +276,7 @@ def per_area(run: Measured, places: Sequence[PlaceResult], what: str, area: str)
 
 
 def text(made: Sequence[Section], heading: Callable[[], str]) -> str:
-    """The tables as Markdown."""
+    """The tables as Markdown, with notes in lines as long as those of all documents."""
     parts = [heading()]
     for one in made:
         table = [one.head, *one.lines]
@@ -284,5 +286,6 @@ def text(made: Sequence[Section], heading: Callable[[], str]) -> str:
             for line in table
         ]
         lines.insert(1, "|" + "|".join("-" * (width + 2) for width in widths) + "|")
-        parts.append(f"## {one.title}\n\n{one.note}\n\n" + "\n".join(lines) + "\n")
+        note = textwrap.fill(one.note, _LINE, break_on_hyphens=False)
+        parts.append(f"## {one.title}\n\n{note}\n\n" + "\n".join(lines) + "\n")
     return "\n".join(parts)

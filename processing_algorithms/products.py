@@ -91,6 +91,14 @@ CHANGE_PRODUCTS = (
         layer="unsure",
     ),
     Product(
+        "NOT_SEEN",
+        "zones",
+        "Not seen",
+        "Polygons of the slope that was not compared, hatched, with the reason.",
+        Appearance(42),
+        layer="not_seen",
+    ),
+    Product(
         "SIGNIFICANT_CHANGE",
         "significant_change",
         "Significant change (m)",
@@ -109,7 +117,7 @@ CHANGE_PRODUCTS = (
         "seen",
         "Seen and not seen",
         "Class of each cell of the slope: compared, or why not (no ground in a survey, too few points, excluded).",
-        Appearance(38),
+        Appearance(38, visible=False, expanded=False),
     ),
     Product(
         "LEVEL_OF_DETECTION",

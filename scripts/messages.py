@@ -109,7 +109,6 @@ COMPOSED = (
     "A GeoPackage (.gpkg).",
     "[{0} in the output folder]",
     "[next to the core points]",
-    "[next to the labelled cloud]",
     "Got unexpected extra arguments ({0})",
     "Internal failure: {0}: {1} ({2}, line {3}); please report it.",
     "Elevation change, {0} to {1}",
@@ -197,12 +196,7 @@ COMPOSED = (
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
-    "new",
-    "continued",
-    "split",
-    "merged",
-    "left",
-    "right",
+    "new", "continued", "split", "merged", "left", "right",
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
     "earlier", "first", "ground", "heights", "lowered", "raised", "incremental", "inspect",
     "boulder", "wall", "vegetation", "appeared", "vanished",
@@ -213,7 +207,7 @@ WORDS = (
     "unsure", "Options", "Installation", "by", "run", "medium", "robust",
     "reached", "kept", "withdrawn", "Fastest", "Compared", "accelerating", "decelerating", "irregular",
     "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
-    "sliding", "motion", "both",
+    "motion", "both",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core.arrays import Float
 from ..core.number_text import fixed
 from ..grid.plant_cells import PlantCells
+from ..pointcloud.plant_cover import MIN_HEIGHT_DIFFERENCE_M
 from ..statistics.layout import Layout, layout_of
 from ..statistics.normal import quantile
 from ..statistics.robust import nmad
@@ -19,8 +20,6 @@ from .plant_calibration import MIN_PATCHES, squares_of
 
 MIN_PLANT_HEIGHT_M = 0.05
 """Metres: ground over which returns lie so high at the median has plants."""
-MIN_HEIGHT_DIFFERENCE_M = 0.05
-"""Metres by which the plants of a cell must differ to have changed."""
 MAX_EXPLAINED_SHARE = 0.5
 """Share of a difference of plant heights that the ground under them can be wrong by at most, where a run shows no less.
 

@@ -40,7 +40,7 @@ from .lowest_layer import (
 )
 from .narrow_windows import narrow_windows
 from .squares import lowest_corner, square_numbers
-from .surface_heights import surface_heights
+from .surface_heights import Whole, surface_heights
 
 WINDOW_RETURNS, MIN_WINDOW_RETURNS = 150.0, 60.0
 """Returns that a window is made for, and below which the windows around it help."""
@@ -123,17 +123,20 @@ class Windows:
         return DENSE_TOLERANCE_M if self.side <= MAX_CLOSER_WINDOW_M else SPARSE_TOLERANCE_M
 
 
-def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) -> LayeredGround:
+def layered_ground(
+    xyz: Float, anchored: Bool, taken: Bool, threshold: float, whole: Whole | None = None
+) -> LayeredGround:
     """Ground among points (n, 3) in a frame in which the slope lies flat.
 
     Args:
         anchored: (n,) points near the settled cloth.
         taken: (n,) points that may be ground.
         threshold: least distance (m) from the surface within which a point of bare ground is ground.
+        whole: what is decided for the cloud of which these points are a part.
     """
     if not taken.any():
         return _nothing(len(xyz), BARE_SCATTER_M, threshold)
-    surface = surface_heights(xyz, anchored, taken)
+    surface = surface_heights(xyz, anchored, taken, whole)
     height = surface.height
     index = np.flatnonzero(of_lowest_layers(height, surface.left))
     side = window_side(returns_by_square(xyz[index]))

@@ -3,7 +3,7 @@
 On ridges and in hollows triangles between a few sure points are far off the ground. The outline follows such relief. It
 is a progressive morphological opening of the lowest points of squares (Zhang et al. 2003, doi:10.1109/TGRS.2003.810682;
 Pingel et al. 2013, doi:10.1016/j.isprsjprs.2012.12.002): what stands out of wider and wider windows is cut out, and the
-gap is spanned from its edges. An opening leaves an inclined plane as it is.
+gap is spanned from its edges. An opening leaves an inclined plane as it is, but for the upper edge of the cloud.
 """
 
 from __future__ import annotations

@@ -34,13 +34,16 @@ class Condition:
 
 @dataclass(frozen=True)
 class Look:
-    """Fill and line of a class: colours ``#rrggbb``, opacities 0 to 1 (0: none), width in pixels."""
+    """Fill and line of a class: colours ``#rrggbb``, opacities 0 to 1 (0: none), width in pixels; ``hatched`` with
+    ``line`` in place of an outline.
+    """
 
     fill: str
     fill_opacity: float
     line: str
     line_width: float
     dashed: bool
+    hatched: bool = False
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,8 @@ def _look(symbol: Element) -> Look:
         )
     else:
         line, width, dashed = own.get("outline_color", ""), own.get("outline_width", "0.3"), own.get("outline_style")
-    return Look(fill, fill_opacity, _colour(line)[0], round(float(width) * _MM_PX, 2), dashed == "dash")
+    hatched = any(part.get("class") == "LinePatternFill" for part in symbol.iter("layer"))
+    return Look(fill, fill_opacity, _colour(line)[0], round(float(width) * _MM_PX, 2), dashed == "dash", hatched)
 
 
 def _options(part: Element) -> dict[str, str]:

@@ -135,7 +135,7 @@ def make_figure(
     grey = veiled(heatmap.backdrop, heatmap.opacity) / 255.0
     draw_key(sheet, *keys, [say(line) for line in heatmap.words.veil], face=f"{grey:.4f}")
     if unseen:
-        draw_unseen_key(sheet, keys[0], keys[1] - 0.28)
+        draw_unseen_key(sheet, keys[0], keys[1] - 0.28, backdrop=heatmap.backdrop)
     if outlined:
         draw_key(sheet, keys[0], keys[1] - (0.52 if unseen else 0.34), [say(heatmap.words.outline)], edge=INK)
     return sheet.figure

@@ -116,7 +116,7 @@ def make_heatmap(
 def _laid_over(
     view: NDArray[np.uint8], dz: NDArray[np.floating], shown: NDArray[np.bool_], limit: float, opacity: float
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Some lines of the heatmap (rows, columns, 4), and the greys (n,) of the top view's pixels in them.
+    """Some lines of the heatmap (rows, columns, 4), and the greys (n,) under its measured pixels, white without a view.
 
     Args:
         dz: change below each pixel, NaN without; ``shown`` where it is significant.
@@ -136,7 +136,7 @@ def _laid_over(
     rgba[..., :3] = np.rint(base)
     rgba[..., 3] = np.where(seen | measured, 255, 0)
     rgba[rgba[..., 3] == 0] = 0
-    return rgba, grey[seen][:, 0]
+    return rgba, grey[measured][:, 0]
 
 
 def _nearest_cells(of: Grid, on: Grid) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

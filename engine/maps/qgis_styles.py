@@ -19,7 +19,7 @@ from ..objects.table import FIELDS as OBJECT_FIELDS
 from ..series.alerts import AlertLevel
 from ..series.tables import SERIES_FIELDS, ZONE_FIELDS
 from ..vector.review_fields import LOCATION_FIELDS, PLACE_FIELDS, REVIEW_FIELDS, STATES
-from ..zones.fields import FIELDS, KINDS, REASONS, SEVERITIES, SLIDING, UNSURE_FIELDS
+from ..zones.fields import FIELDS, KINDS, NOT_SEEN_FIELDS, REASONS, SEVERITIES, SLIDING, UNSURE_FIELDS
 from .palette import (
     BELOW_LEVEL,
     DIVERGING,
@@ -28,6 +28,8 @@ from .palette import (
     SEQUENTIAL,
     SLIDING_LINE,
     SLIDING_TINTS,
+    UNSEEN_FILL,
+    UNSEEN_STRIPE,
     Colour,
     hexadecimal,
     sequential_steps,
@@ -205,6 +207,12 @@ def unsure_qml() -> str:
     """Style of the groups that are no zones: grey and faint, a category for each reason, labelled with their ids."""
     categories = [_category(reason, _REASONS[reason], _GROUND, 45, (110, 110, 110), 0.3) for reason in REASONS]
     return _polygons_qml("unsure", _fields(UNSURE_FIELDS), categories)
+
+
+def not_seen_qml() -> str:
+    """Style of what was not seen: hatched, with the colours of the drawn maps, under one entry of the legend."""
+    fill, stripe = (",".join(map(str, colour)) for colour in (UNSEEN_FILL, UNSEEN_STRIPE))
+    return render(_TEMPLATES / "not_seen.qml.j2", fields=_fields(NOT_SEEN_FIELDS), fill=fill, stripe=stripe)
 
 
 def series_zones_qml(alerts: Iterable[AlertLevel], *, located: bool = False) -> str:

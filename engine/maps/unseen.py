@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
 from ...interface.seen import NOT_SEEN
 from ..grid.geotiff import grid_of, open_any_grid
@@ -18,6 +18,7 @@ from .picture_words import say
 
 _PIXELS = 1400  # along the longer side of what is hatched
 _PERIOD_IN, _STRIPE_SHARE = 0.075, 0.3  # from stripe to stripe along a row, and how much of that is stripe
+_KEY_PIXELS_AN_INCH = 400
 WORDS = "not seen: nothing is known"
 
 
@@ -48,9 +49,7 @@ def draw_unseen(axes: Axes, unseen: Unseen, inches_a_metre: float) -> bool:
     shown = part[::every, ::every].repeat(times, axis=0).repeat(times, axis=1)
     pixel = grid.cell * every / times
     period = max(4, round(_PERIOD_IN / inches_a_metre / pixel))
-    diagonal = np.add.outer(np.arange(shown.shape[0]), np.arange(shown.shape[1]))
-    stripe = diagonal % period < max(1, round(_STRIPE_SHARE * period))
-    rgba = np.where(stripe[..., np.newaxis], UNSEEN_STRIPE, UNSEEN_FILL).astype(np.uint8)
+    rgba = _hatched(shown.shape, period)
     rgba[~shown] = 0
     extent = left, left + shown.shape[1] * pixel, top - shown.shape[0] * pixel, top
     limits = (west, east), (south, north)
@@ -59,9 +58,21 @@ def draw_unseen(axes: Axes, unseen: Unseen, inches_a_metre: float) -> bool:
     return True
 
 
-def draw_unseen_key(sheet: Sheet, x: float, y: float, width: float = 0.24) -> None:
-    """The legend's entry: a hatched box of ``width`` inches, whose middle is at ``y``, and what it means."""
-    fill, stripe = ([band / 255.0 for band in colour] for colour in (UNSEEN_FILL, UNSEEN_STRIPE))
-    box = Rectangle((0, 0), width, 0.14, facecolor=fill, edgecolor=stripe, hatch="//////", lw=0.6)
-    sheet.shape(box, x, y - 0.07)
+def draw_unseen_key(sheet: Sheet, x: float, y: float, width: float = 0.24, *, backdrop: float = 255.0) -> None:
+    """The legend's entry: a box of ``width`` inches, whose middle is at ``y``, hatched as the map, and what it means.
+
+    ``backdrop`` is the lightness of what is under the hatching, 0 to 255.
+    """
+    axes = sheet.axes(x, y - 0.07, width, 0.14, "not seen")
+    axes.set(xticks=[], yticks=[], facecolor=f"{backdrop / 255.0:.4f}")
+    axes.spines[:].set(color=[band / 255.0 for band in UNSEEN_STRIPE], linewidth=0.6)
+    shape = round(0.14 * _KEY_PIXELS_AN_INCH), round(width * _KEY_PIXELS_AN_INCH)
+    axes.imshow(_hatched(shape, round(_PERIOD_IN * _KEY_PIXELS_AN_INCH)), interpolation="antialiased", aspect="auto")
     sheet.text(x + width + 0.06, y, say(WORDS))
+
+
+def _hatched(shape: tuple[int, ...], period: int) -> NDArray[np.uint8]:
+    """Stripes (rows, columns, 4) that come again every ``period`` pixels along a row."""
+    diagonal = np.add.outer(np.arange(shape[0]), np.arange(shape[1]))
+    stripe = diagonal % period < max(1, round(_STRIPE_SHARE * period))
+    return np.where(stripe[..., np.newaxis], UNSEEN_STRIPE, UNSEEN_FILL).astype(np.uint8)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 ERROR, HEIGHT = "plant_error", "plant_height"
 """Names of the dimensions in a cloud's file, metres."""
+MIN_HEIGHT_DIFFERENCE_M = 0.05
+"""Metres by which the vegetation of two surveys must differ in height to have changed."""
 
 
 @dataclass(frozen=True)

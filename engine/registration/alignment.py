@@ -13,7 +13,15 @@ from ..core.progress import Progress
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
 from .moving_places import Places, moving_places
-from .observability import Estimate, Information, curvature_folds, estimate, information, probing_motions
+from .observability import (
+    Estimate,
+    Information,
+    curvature_folds,
+    estimate,
+    information,
+    probing_motions,
+    unknown_motion,
+)
 from .point_to_plane import TUKEY, Matcher, Pairs, regional_weights, tukey_weights
 from .restarts import MIN_PAIRS, Descent, Limits, descend, reconsider
 from .surface import Surface
@@ -147,10 +155,12 @@ class Refinement:
             free: (6, k) the directions that it is about; all without it.
         """
         terms = pairs.jacobian(self.matcher.radius) * (self.weights(pairs) * pairs.gap)[:, None]
+        unknown = unknown_motion(offset)
         if free is not None:
             folds, terms = np.einsum("ia,fij,jb->fab", free, folds, free), terms @ free
+            unknown = free.T @ unknown @ free
         blocks = block_numbers(pairs.place, self.correlated)
-        return information(folds, terms, blocks, self.matcher.spacing / 2, offset / float(np.sqrt(3.0)))
+        return information(folds, terms, blocks, self.matcher.spacing / 2, unknown)
 
     def steps(
         self,

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..geometry.pose import Pose
+from ..pointcloud.plant_cover import MIN_HEIGHT_DIFFERENCE_M
 from .point_to_plane import Matcher
 from .surface import Surface
 
@@ -25,8 +26,9 @@ def common_vegetation_error(matcher: Matcher, pose: Pose, places: Float) -> floa
     """Standard error of the registration's height, metres, by the vegetation over ``places`` (n, 3; after it).
 
     With the mean stated errors a and b of the two surveys it is the shared part of sqrt(a² + b² - 2 r a b). The
-    correlation r is the ratio of the lower to the taller mean height of the vegetation: 1 in one season, 0.2 where
-    grass of 25 cm was mown to 5 cm, 0 where a cloud does not record heights.
+    correlation r is 1 in one season, where the mean heights of the vegetation differ by no more than 5 cm. Else it is
+    the ratio of the lower to the taller one: 0.2 where grass of 25 cm was mown to 5 cm. It is 0 where a cloud does not
+    record heights.
     """
     if not len(places):
         return 0.0
@@ -34,6 +36,8 @@ def common_vegetation_error(matcher: Matcher, pose: Pose, places: Float) -> floa
     second = _means(matcher.moving, pose.undo(places))
     low, high = sorted((first[1], second[1]))
     alike = low / high if high > 0 else 0.0
+    if low > 0 and high - low <= MIN_HEIGHT_DIFFERENCE_M:
+        alike = 1.0
     squares = first[0] ** 2 + second[0] ** 2 - 2.0 * alike * first[0] * second[0]
     return SHARED * math.sqrt(max(squares, 0.0))
 

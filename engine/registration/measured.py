@@ -131,13 +131,12 @@ def _error(
         seen = information.observable_covariance
         flat = np.broadcast_to(mean, normals.shape)
         # what is free moves the surface as a whole: sliding a slope along itself leaves its heights, tilting does not
-        prior = parameters.maximum_offset / float(np.sqrt(3.0))
         error = float(
             np.linalg.norm(
                 [
                     height_sd(seen, places, normals, solution.radius),
                     height_sd(information.covariance - seen, places, flat, solution.radius),
-                    relief_sd(information, prior) / max(float(mean[2]), 0.2),
+                    relief_sd(information) / max(float(mean[2]), 0.2),
                 ]
             )
         )

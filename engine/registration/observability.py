@@ -35,13 +35,15 @@ class Information:
 
     ``curvature`` (6,) a pair, ascending, is in units of squared sine; column i of ``directions`` (6, 6) belongs to
     curvature i. ``observable`` (6,) marks those that the surfaces fix. ``covariance`` (6, 6) in square metres has
-    in the other ones the variance of a uniform distribution over the largest expected offset.
+    in the other ones that of ``unknown_motion``. ``likely`` (6,) is how far the solution is off in each direction,
+    metres, if the curvature is right; None if that is not known.
     """
 
     curvature: Float
     directions: Float
     observable: NDArray[np.bool_]
     covariance: Float
+    likely: Float | None = None
 
     @property
     def condition(self) -> float:
@@ -137,8 +139,16 @@ def probing_motions(jacobian: Float, weight: Float, least: float, largest: float
     return np.asarray((vectors * length).T)
 
 
+def unknown_motion(offset: float) -> Float:
+    """Covariance (6, 6) of a motion of which only the largest expected ``offset`` is known, square metres.
+
+    Shifts are uniform up to the offset. Turns are a tenth of them (``_SHIFT_PER_TURN``).
+    """
+    return np.asarray(offset**2 / 3.0 * np.diag([_SHIFT_PER_TURN**-2] * 3 + [1.0] * 3))
+
+
 def information(
-    folds: Float, terms: Float, blocks: NDArray[np.int64], largest_sd: float, prior_sd: float
+    folds: Float, terms: Float, blocks: NDArray[np.int64], largest_sd: float, unknown: Float
 ) -> Information:
     """Curvature, covariance and observability at the solution.
 
@@ -150,7 +160,7 @@ def information(
         terms: (n, 6) w r J of all pairs at the solution.
         blocks: (n,) number of the block of each pair.
         largest_sd: a direction with a larger standard deviation is not observable, metres.
-        prior_sd: standard deviation to be stated for directions that are not observable, metres.
+        unknown: (6, 6) covariance of the motion before the registration, for directions that are not observable.
     """
     curvature, directions = np.linalg.eigh(folds.sum(axis=0))
     pieces = np.einsum("ia,fij,ja->fa", directions, folds, directions)
@@ -160,12 +170,15 @@ def information(
     observable = (curvature > MIN_STANDARD_ERRORS * error) & (curvature > MIN_CURVATURE_RATIO * curvature[-1])
     safe = np.where(observable, curvature, 1.0) * len(terms)
     inverse = np.where(observable, 1.0 / safe, 0.0)
-    inner = inverse[:, None] * (along.T @ along) * inverse
+    scattered = along.T @ along
+    inner = inverse[:, None] * scattered * inverse
     observable &= np.sqrt(np.diag(inner)) <= largest_sd
     inner[~observable] = 0.0
     inner[:, ~observable] = 0.0
-    inner[~observable, ~observable] = prior_sd**2
-    return Information(curvature, directions, observable, directions @ inner @ directions.T)
+    inner[np.ix_(~observable, ~observable)] = (directions.T @ unknown @ directions)[np.ix_(~observable, ~observable)]
+    whole = np.maximum(curvature, 1e-12 * curvature[-1]) * len(terms)
+    likely = np.hypot(along.sum(axis=0), np.sqrt(np.diag(scattered))) / whole
+    return Information(curvature, directions, observable, directions @ inner @ directions.T, likely)
 
 
 def name_unobservable(found: Information, normal: Float) -> tuple[str, ...]:
@@ -224,16 +237,17 @@ def _named_motions(normal: Float) -> dict[str, Float]:
     return {name: np.concatenate(motion) for name, motion in turns_and_shifts.items()}
 
 
-def relief_sd(found: Information, prior_sd: float) -> float:
+def relief_sd(found: Information) -> float:
     """Distance along the normal that a motion within what is not fixed would give, metres, by the relief there.
 
-    The curvature in such a direction is not surely different from zero, but it is the best guess.
-
-    Args:
-        prior_sd: standard deviation of such a motion, metres.
+    The curvature in such a direction is not surely different from zero, but it is the best guess. With it the residuals
+    say how far the motion can be; it is no more than ``unknown_motion``.
     """
-    free = np.maximum(found.curvature[~found.observable], 0.0)
-    return float(np.sqrt(free.sum())) * prior_sd
+    free = np.maximum(found.curvature, 0.0) * ~found.observable
+    motion = np.einsum("ai,ab,bi->i", found.directions, found.covariance, found.directions)
+    if found.likely is not None:
+        motion = np.minimum(motion, found.likely**2)
+    return float(np.sqrt(free @ motion))
 
 
 def height_sd(covariance: Float, places: Float, normals: Float, radius: float) -> float:

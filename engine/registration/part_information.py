@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float
 from ..geometry.voxels import block_numbers
-from .observability import MIN_CURVATURE_RATIO, MIN_STANDARD_ERRORS, Information
+from .observability import MIN_CURVATURE_RATIO, MIN_STANDARD_ERRORS, Information, unknown_motion
 from .surface_patches import Equations, Patches
 
 CORRELATED = 3.0  # pairs share points of their planes: so many count as one
@@ -70,8 +70,8 @@ def part_information(
         observable[np.flatnonzero(observable)[~sure]] = False
         spread[~sure] = spread[:, ~sure] = 0.0
         covariance = fixed @ spread @ fixed.T
-    free = directions[:, ~observable]
-    return Information(curvature, directions, observable, covariance + offset**2 / 3 * free @ free.T)
+    free = directions[:, ~observable] @ directions[:, ~observable].T
+    return Information(curvature, directions, observable, covariance + free @ unknown_motion(offset) @ free)
 
 
 def contradicting(system: Equations, patches: Patches, agrees: Bool, offset: float) -> Bool:

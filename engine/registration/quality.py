@@ -13,7 +13,9 @@ from ..geometry.height_correction import HeightCorrection
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
 from ..statistics.robust import nmad, robust_scale
+from .bare_ground import MAX_BARE_PLANT_ERROR_M
 from .point_to_plane import Matcher, Pairs
+from .surface import nearest
 
 _SOURCES = 60_000
 STABLE_SCALES = 3.0  # scales within which a residual is noise
@@ -33,6 +35,7 @@ class Agreement:
         overlap_share: share of the moving points that have a counterpart.
         nmad_before, nmad_after, rms_before, rms_after: of the stable points' residuals.
         misfit: spread over the surface of the stable ground's residual, noise taken out: what a rigid motion leaves.
+            Only of ground that is bare, if vegetation is known: elsewhere vegetation makes such a spread, too.
         misfit_height: the same as a height.
         mean_normal: (3,) mean upward normal of the stable ground.
         places, normals: (k, 3) of a sample of the stable ground, local coordinates before registration.
@@ -93,7 +96,7 @@ def agreement(
     after = pairs.residual[stable]
     normals = pairs.normal[stable] * np.where(pairs.normal[stable][:, 2:] < 0, -1.0, 1.0)
     mean = normals.mean(axis=0) if len(normals) else np.array([0.0, 0.0, 1.0])
-    misfit = _misfit(pairs, stable, 20 * matcher.spacing)
+    misfit = _misfit(pairs, stable & _bare(matcher, pairs), 20 * matcher.spacing)
     steep = np.abs(normals[:, 2]) < 0.2
     cosine = np.median(np.abs(normals[~steep][:, 2])) if (~steep).any() else 0.2
     return Agreement(
@@ -127,17 +130,35 @@ def widened(error: float, quality: Agreement, minimum_share: float) -> float:
     return float(np.hypot(error / share, (1.0 - share) * quality.spread))
 
 
+def _bare(matcher: Matcher, pairs: Pairs) -> NDArray[np.bool_]:
+    """(n,) pairs on ground that is bare in both surveys, as far as it is known."""
+    bare = np.ones(len(pairs), dtype=bool)
+    if matcher.moving.plants is not None:
+        bare &= matcher.moving.plants[pairs.source] <= MAX_BARE_PLANT_ERROR_M
+    if matcher.reference.plants is not None:
+        bare &= matcher.reference.plants[nearest(matcher.reference.tree, pairs.place)[1]] <= MAX_BARE_PLANT_ERROR_M
+    return bare
+
+
 def _misfit(pairs: Pairs, stable: NDArray[np.bool_], block: float) -> float:
-    """Spread about zero of the blocks' mean residual, less what the noise of the means explains."""
+    """Spread about zero of the blocks' mean residual, less what the noise of the means explains.
+
+    Neighbours share errors, as those by vegetation. So the noise of a mean follows from the means of the block's parts,
+    cubes of a third of its side: their variance over their number.
+    """
     if not stable.any():
         return 0.0
-    residual, number = pairs.residual[stable], block_numbers(pairs.place[stable], block)
-    count = np.bincount(number)
-    enough = count >= _MIN_BLOCK_PAIRS
+    residual, place = pairs.residual[stable], pairs.place[stable]
+    number, part = block_numbers(place, block), block_numbers(place, block / 3.0)
+    _, first, own = np.unique(part, return_index=True, return_inverse=True)
+    of, means = number[first], np.bincount(own, residual) / np.bincount(own)
+    parts, pairs_of = np.bincount(of), np.bincount(number)
+    enough = (pairs_of >= _MIN_BLOCK_PAIRS) & (parts > 1)
     if np.count_nonzero(enough) < _MIN_BLOCKS:
         return 0.0
-    mean = np.bincount(number, residual)[enough] / count[enough]
-    noise = float(np.median(np.var(residual) / count[enough]))
+    mean = np.bincount(of, means)[enough] / parts[enough]
+    scatter = np.bincount(of, means**2)[enough] / parts[enough] - mean**2
+    noise = float(np.mean(scatter / (parts[enough] - 1)))
     spread = nmad(mean, 0.0)
     return float(np.sqrt(max(spread**2 - noise, 0.0)))
 

@@ -38,3 +38,7 @@ UNSURE_FIELDS = field_kinds("""
     real: dz_mean_m dz_err_m area_m2 confidence
     integer: n_cells
 """)
+NOT_SEEN_FIELDS = field_kinds("""
+    text: reason
+    real: area_m2
+""")

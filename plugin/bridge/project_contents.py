@@ -75,6 +75,7 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
     ("zones", "unsure"): ("Unsure change", ZONES, False),
+    ("zones", "not_seen"): ("Not seen", CHANGE, True),
     ("classes", "budget_by_class"): ("Change by class of asset", ZONES, False),
     ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
     ("located", "*"): ("Places on the road", ZONES, True),
@@ -88,7 +89,7 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
 }
 _RASTERS: dict[str, tuple[str, str, bool]] = {
     "significant_change": ("Significant change (m)", CHANGE, True),
-    "seen": ("Seen and not seen", CHANGE, True),
+    "seen": ("Seen and not seen", CHANGE, False),
     "elevation_change": ("Elevation change (m)", CHANGE, False),
     "velocity": ("Velocity (mm/day)", CHANGE, True),
     "velocity_error": ("Standard error of the velocity (mm/day)", CHANGE, False),

@@ -8,19 +8,22 @@ from typing import Any
 
 from qgis.core import (
     Qgis,
+    QgsCategorizedSymbolRenderer,
     QgsCoordinateReferenceSystem,
     QgsCoordinateTransform,
     QgsDataProvider,
     QgsFeature,
     QgsField,
     QgsFields,
+    QgsFillSymbol,
     QgsGeometry,
     QgsProject,
+    QgsRendererCategory,
+    QgsSingleSymbolRenderer,
     QgsVectorFileWriter,
     QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QDateTime, Qt
-from qgis.PyQt.QtGui import QColor
 
 from ..bridge.compat import STRING
 from ..bridge.words import tr
@@ -36,7 +39,7 @@ class AreaError(Exception):
 @dataclass(frozen=True)
 class Kind:
     """``table`` in the GeoPackage, ``parameter`` of the algorithms, title of the layer, colour on the map, and texts of
-    each polygon; ``together`` says that one layer holds all.
+    each polygon; ``together`` says that one layer holds all. ``classes``: value of the first text, label and colour.
     """
 
     table: str
@@ -45,6 +48,7 @@ class Kind:
     colour: str
     fields: tuple[str, ...] = ("name",)
     together: bool = True
+    classes: tuple[tuple[str, str, str], ...] = ()
 
 
 REGION = Kind("region", "ROI", "Region of interest (drawn)", "#e08214", together=False)
@@ -136,11 +140,16 @@ def _new_layer(kind: Kind, path: Path, crs: QgsCoordinateReferenceSystem) -> Qgs
 
 
 def _styled(kind: Kind, layer: QgsVectorLayer) -> QgsVectorLayer:
-    symbol = layer.renderer().symbol()
-    symbol.symbolLayer(0).setBrushStyle(Qt.BrushStyle.NoBrush)
-    symbol.symbolLayer(0).setStrokeColor(QColor(kind.colour))
-    symbol.symbolLayer(0).setStrokeWidth(0.7)
+    if kind.classes:
+        looks = [QgsRendererCategory(value, _outline(colour), tr(label)) for value, label, colour in kind.classes]
+        layer.setRenderer(QgsCategorizedSymbolRenderer(kind.fields[0], looks))
+    else:
+        layer.setRenderer(QgsSingleSymbolRenderer(_outline(kind.colour)))
     return layer
+
+
+def _outline(colour: str) -> QgsFillSymbol:
+    return QgsFillSymbol.createSimple({"style": "no", "outline_color": colour, "outline_width": "0.7"})
 
 
 def _tables(path: Path) -> set[str]:

@@ -18,7 +18,15 @@ from ..bridge.words import tr
 from .areas import AreaError, Kind, add_area
 from .run_folder import RECORD as RECORD_NAME
 
-CORRECTIONS = Kind("corrections", "CORRECTIONS", "Corrections by hand", "#7b3294", (ACTION, REASON, EPOCH))
+_ACTIONS = (
+    (EXCLUDE, "Exclude area", "#404040"),
+    (GROUND, "This is ground", "#a6611a"),
+    (NOT_GROUND, "This is not ground", "#018571"),
+)
+"""What is done with an area, in the menu and the legend, and its colour: apart also for the colour-blind."""
+CORRECTIONS = Kind(
+    "corrections", "CORRECTIONS", "Corrections by hand", "#404040", (ACTION, REASON, EPOCH), classes=_ACTIONS
+)
 _ALGORITHMS = {"inspect": "slopewatch:inspectslope", "series": "slopewatch:inspectseries"}
 _LAYERS = ("roi", "stable", "profiles", "centreline", "field_names", "classes")
 
@@ -46,19 +54,16 @@ class CorrectionsButton(QToolButton):
         self.setToolTip(tr("Draw an area that the run is to leave out, or whose ground it is to take otherwise"))
         self.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self)
-        for words, action in (
-            (tr("Exclude area"), EXCLUDE),
-            (tr("This is ground"), GROUND),
-            (tr("This is not ground"), NOT_GROUND),
-        ):
-            menu.addAction(words).triggered.connect(lambda *_, action=action: self.draw(action))
+        for action, words, _ in _ACTIONS:
+            menu.addAction(tr(words)).triggered.connect(lambda *_, action=action: self.draw(action))
         menu.addSeparator()
         menu.addAction(tr("Run again…")).triggered.connect(lambda *_: self.run_again())
         self.setMenu(menu)
 
     def draw(self, action: str) -> object:
         """Begin to draw; what is drawn is kept in the folder of the run."""
-        return self._draw(CORRECTIONS.colour, lambda polygon: self._keep(action, polygon))
+        colour = next(colour for name, _, colour in _ACTIONS if name == action)
+        return self._draw(colour, lambda polygon: self._keep(action, polygon))
 
     def _keep(self, action: str, polygon: QgsGeometry) -> None:
         folder = self._folder()

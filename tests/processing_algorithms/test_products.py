@@ -73,7 +73,7 @@ for number, kind in enumerate(("uplift", "subsidence", "uplift")):
     feature["kind"] = kind
     feature.SetGeometry(ogr.CreateGeometryFromWkt(f"POLYGON(({number} 0,{number} 1,{number + 1} 1,{number} 0))"))
     layer.CreateFeature(feature)
-for name in ("footprints", "unsure"):
+for name in ("footprints", "unsure", "not_seen"):
     data.CreateLayer(name, srs, ogr.wkbPolygon)
 layer = data = None
 outputs["classes"] = os.path.join(folder, "budget_by_class.gpkg")
@@ -223,8 +223,9 @@ class TestLoading:
             ("Change by class of asset", False),
             ("Footprints of the volumes", False),
             ("Unsure change", False),
+            ("Not seen", True),
             ("Significant change (m)", True),
-            ("Seen and not seen", True),
+            ("Seen and not seen", False),
             ("Elevation change (m)", False),
             ("Level of detection (m)", False),
             ("Probability of change", False),

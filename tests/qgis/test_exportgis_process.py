@@ -125,6 +125,15 @@ def test_layers_are_the_same_in_every_format(inputs: Inputs, given: Path) -> Non
     assert sorted_areas(table) == pytest.approx(areas, abs=0.05)
 
 
+def test_what_was_not_seen_is_hatched_by_style_and_by_descriptor(given: Path) -> None:
+    for load, ending in (("loadNamedStyle", "qml"), ("loadSldStyle", "sld")):
+        layer = layer_of(given / "layers.gpkg", "not_seen")
+        message, sound = getattr(layer, load)(str(given / "styles" / f"not_seen.{ending}"))
+        assert sound, message
+        kinds = [part.layerType() for part in layer.renderer().symbol().symbolLayers()]
+        assert kinds == ["SimpleFill", "LinePatternFill"]
+
+
 def test_a_layers_descriptor_sorts_its_features_as_its_style(given: Path) -> None:
     counts = []
     for load, ending in (("loadNamedStyle", "qml"), ("loadSldStyle", "sld")):

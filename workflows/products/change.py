@@ -35,6 +35,7 @@ from ...engine.statistics.robust import nmad
 from ...engine.zones import extraction, fields, gcd_table
 from ...engine.zones.change_zones import cells_of, change_zones
 from ...engine.zones.movement import MOVEMENTS
+from ...engine.zones.not_seen import not_seen_frame
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
 from ...interface.parameters import ChangeParameters, HeatmapParameters, given
@@ -135,7 +136,7 @@ def write_products(
     found = zones or change_zones(
         change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
     )
-    found, table = _write_zones(run, change, found, context.second.date)
+    found, table = _write_zones(run, change, found, context, of_slope)
     if run.related.classes is not None and not context.several:
         pair = Compared(context.first.name, context.second.name, change, found.correlation)
         write_class_budgets(run, [pair], run.related.classes, context.crs, context.second.date)
@@ -173,7 +174,7 @@ def write_products(
 
 
 def _write_zones(
-    run: Run, change: Change, found: extraction.Zones, stamp: date | None
+    run: Run, change: Change, found: extraction.Zones, context: Context, of_slope: Seen
 ) -> tuple[extraction.Zones, gcd_table.VolumeTable]:
     """Write the zones and the table of volumes; both, the zones with their places on the road."""
     table = gcd_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
@@ -184,8 +185,9 @@ def _write_zones(
         frame,
         footprints=extraction.footprint_frame(found, change.grid),
         unsure=found.unsure,
+        not_seen=not_seen_frame(of_slope, change.grid, context.crs),
         volumes=gcd_table.table_frame(table),
-        stamp=stamp,
+        stamp=context.second.date,
     )
     gcd_table.write_volume_table(run.stage.path("volumes.csv"), table)
     run.outputs |= {"zones": run.stage.final("zones.gpkg"), "volumes": run.stage.final("volumes.csv")}

@@ -8,7 +8,7 @@ from pathlib import Path
 import geopandas as gpd
 import pandas as pd
 
-from ...engine.maps.qgis_styles import footprints_qml, unsure_qml, zones_qml
+from ...engine.maps.qgis_styles import footprints_qml, not_seen_qml, unsure_qml, zones_qml
 from ...engine.vector.geopackage import Layer, write_layers
 from ...engine.vector.review_fields import is_located, own_columns
 from ...engine.zones.fields import FIELDS
@@ -20,6 +20,7 @@ def write_zones(
     *,
     footprints: gpd.GeoDataFrame | None = None,
     unsure: gpd.GeoDataFrame | None = None,
+    not_seen: gpd.GeoDataFrame | None = None,
     volumes: pd.DataFrame | None = None,
     stamp: date | None = None,
 ) -> None:
@@ -31,6 +32,7 @@ def write_zones(
     Args:
         footprints: where the volumes were taken, as layer ``footprints``.
         unsure: groups that are no zones (see ``unsure.unsure_frame``), as layer ``unsure``.
+        not_seen: what was not compared (see ``not_seen.not_seen_frame``), as layer ``not_seen``.
         volumes: summary of the change (see ``volume_table``), as table ``volumes`` without geometry.
     """
     layers = [
@@ -47,6 +49,8 @@ def write_zones(
         layers.append(Layer(footprints, "footprints", footprints_qml(), "MultiPolygon", guarded=True))
     if unsure is not None:
         layers.append(Layer(unsure, "unsure", unsure_qml(), "MultiPolygon", guarded=True))
+    if not_seen is not None:
+        layers.append(Layer(not_seen, "not_seen", not_seen_qml(), "MultiPolygon", guarded=True))
     if volumes is not None:
         layers.append(Layer(volumes, "volumes", guarded=True))
     write_layers(path, layers, stamp=stamp)

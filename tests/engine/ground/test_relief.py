@@ -27,11 +27,10 @@ def inner(xy: np.ndarray) -> np.ndarray:
 
 
 def test_an_inclined_plane_is_its_own_outline(places):
-    height = 0.4 * places[:, 0] - 0.2 * places[:, 1]
-    points = np.column_stack([places, height])
-    found = (outline(points) - height)[inner(places)]
+    height = 0.25 * places[:, 0] - 0.15 * places[:, 1]
+    found = (outline(np.column_stack([places, height])) - height)[inner(places)]
     # the lowest of the points of a square lies at most half of its diagonal down the plane
-    assert found.min() > -0.35
+    assert found.min() > -0.25
     assert found.max() < 0.1
 
 

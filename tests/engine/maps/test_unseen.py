@@ -91,3 +91,30 @@ def test_the_style_names_what_occurs_and_leaves_what_was_compared_clear() -> Non
         TOO_FEW: LABELS[TOO_FEW],
     }
     assert len({entry["color"] for entry in entries.values()}) == 2
+
+
+def test_the_legend_looks_as_the_map_where_the_picture_has_little_below() -> None:
+    """A tenth of the top view is there, and dark; the map is white elsewhere, and so are the legend's boxes."""
+    view = np.zeros((*GRID.shape, 4), dtype=np.uint8)
+    view[::10] = 60, 60, 60, 255
+    dz = np.zeros(GRID.shape)
+    dz[:, 30:] = np.nan
+    picture = make_heatmap(
+        dz, np.zeros(GRID.shape, dtype=bool), np.full(GRID.shape, 0.05), GRID, TopView(view, GRID, "none")
+    )
+    figure = make_figure(replace(picture, unseen=Unseen(np.isnan(dz), GRID)))
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=200)
+    image = np.array(Image.open(stream).convert("RGB")).astype(float)
+
+    def colour(label: str, left: float) -> np.ndarray:
+        """Mean colour of axes within their frame, from a share of their width on."""
+        (axes,) = [one for one in figure.axes if one.get_label() == label]
+        box, (rows, columns) = axes.get_position(), image.shape[:2]
+        part = image[
+            round((1 - box.y1) * rows) + 3 : round((1 - box.y0) * rows) - 3,
+            round((box.x0 + left * box.width) * columns) + 3 : round(box.x1 * columns) - 3,
+        ]
+        return part.mean(axis=(0, 1))
+
+    assert colour("not seen", 0.0) == pytest.approx(colour("map", 0.5), abs=12)

@@ -80,6 +80,15 @@ def test_vegetation_of_one_season_shifts_both_surveys_alike():
     assert abs(height) < 3.0 * found.registration_error < 0.01
 
 
+@pytest.mark.parametrize(("second", "error"), [(0.21, 0.01), (0.29, 0.01), (0.15, np.sqrt(0.0025 - 0.0024 * 0.6))])
+def test_heights_within_5_cm_are_of_one_season(second, error):
+    """Sparse grass measures 3 % differently each time, which is no other season."""
+    places = np.random.default_rng(3).uniform(0, 10, (400, 3))
+    surfaces = [Surface(places, 0.01, np.full(400, e), np.full(400, h)) for e, h in ((0.03, 0.25), (0.04, second))]
+    found = common_vegetation_error(Matcher(*surfaces), Pose.identity(), places)
+    assert found == pytest.approx(SHARED * error)
+
+
 @pytest.mark.parametrize("heights", [(None, 0.25), (0.25, None), (None, None)])
 def test_without_the_heights_of_the_vegetation_nothing_cancels(heights):
     places = np.random.default_rng(3).uniform(0, 10, (400, 3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from slopewatch.engine.registration.observability import Information, height_sd
+from slopewatch.engine.registration.observability import Information, height_sd, information, relief_sd, unknown_motion
 from slopewatch.engine.registration.register import register
 from slopewatch.interface.parameters import RegistrationParameters
 
@@ -112,3 +112,22 @@ def test_a_slide_that_nothing_fixes_is_taken_out_whole():
     motion = np.array([0.01, -0.02, 0.03, 0.4, 0.05, -0.06])
     assert found.held(motion) == pytest.approx(np.where(observable, motion, 0.0))
     assert np.array_equal(Information(np.ones(6), np.eye(6), np.ones(6, bool), np.eye(6)).held(motion), motion)
+
+
+def test_what_is_known_of_a_motion_before_is_a_shift_with_little_turning():
+    """Uniform up to 1.2 m: a variance of 1.2² / 3; a turn moves the typical point by a tenth of that."""
+    assert np.diag(unknown_motion(1.2)) == pytest.approx([0.0048] * 3 + [0.48] * 3)
+
+
+@pytest.mark.parametrize("gradient", [0.02, 9.0])
+def test_a_free_motion_is_no_farther_than_the_residuals_say(gradient):
+    """The curvature of the first motion is 0.01 +- 0.016; ten pairs in two blocks hold its gradient."""
+    folds = np.tile(np.diag([0.0, 1.0, 1.0, 1.0, 1.0, 1.0]) / 16.0, (16, 1, 1))
+    folds[:, 5, 5] = (0.01 + 0.25 * np.tile([-1.0, 1.0], 8)) / 16.0
+    folds[:, 0, 0] = 1.0 / 16.0
+    terms, blocks = np.zeros((10, 6)), np.repeat([0, 1], 5)
+    terms[[0, 5], 5] = gradient / 2 - 0.05, gradient / 2 + 0.05
+    found = information(folds, terms, blocks, 1.0, unknown_motion(np.sqrt(3.0)))
+    assert list(found.observable) == [False] + [True] * 5
+    scatter = np.hypot(gradient / 2 - 0.05, gradient / 2 + 0.05)
+    assert relief_sd(found) == pytest.approx(np.sqrt(0.01) * min(np.hypot(gradient, scatter) / 0.1, 1.0))

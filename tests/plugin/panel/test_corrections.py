@@ -53,7 +53,10 @@ def test_what_is_drawn_is_kept_beside_the_results_with_its_action_and_reason(
     side = 200 * panel._canvas.mapUnitsPerPixel()
     assert [f.geometry().area() for f in layer.getFeatures()] == pytest.approx([side**2] * 3, rel=1e-6)
     assert layer.crs().authid() == "EPSG:32651"
-    assert len(QgsProject.instance().mapLayers()) == 1
+    (shown,) = QgsProject.instance().mapLayers().values()
+    looks = {one.value(): one.symbol().symbolLayer(0).strokeColor().name() for one in shown.renderer().categories()}
+    assert sorted(looks) == sorted(ACTIONS)
+    assert len(set(looks.values())) == len(ACTIONS), "each kind has a colour of its own"
     assert str(folder / FILE) in panel.sentence.text()
 
 
