@@ -101,7 +101,7 @@ def seen(change: Change) -> Seen:
     """Class of each cell of the grid.
 
     The slope is the region that was given, or else the outline of both surveys with its holes. A cell is compared if it
-    has a change. Another one lacks the ground of a survey nearby (``seen_cells.near_ground``); if it lacks neither, the
+    has a change. Another one lacks the ground of a survey nearby (``seen_cells.near_points``); if it lacks neither, the
     points around are too few.
     """
     layout, known = change.layout, change.seen
