@@ -33,6 +33,7 @@ NAMES = {
     "calibration": "Calibration of the level of detection",
     "strips": "Two airborne strips without change",
     "changes_in_strips": "Changes put into raw strips of forests and slopes",
+    "ground_changed": "Ground that changed in raw strips of forests and slopes",
     "objects_in_strips": "Boulders, walls, cars and heaps put into raw strips of forests and slopes",
     "bumps": "Thirty bumps and hollows in real airborne strips",
     "adaptive": "Cells that grow",

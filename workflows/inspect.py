@@ -12,7 +12,6 @@ from pyproj import CRS
 from ..engine.change.difference import Areas
 from ..engine.change.result import Change
 from ..engine.core import cancellation
-from ..engine.core.checksums import sha256
 from ..engine.core.errors import EngineError, InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
@@ -62,6 +61,7 @@ from .products.displacement import DISPLACEMENT_OUTPUTS
 from .products.objects import Classified, write_objects
 from .run import Run
 from .settings import Settings, groups
+from .shared_ground import recorded, shared_grounds
 
 _AT_ONCE = 2  # surveys whose ground is found at the same time
 MAX_POINTS_AT_ONCE = 8_000_000
@@ -157,7 +157,7 @@ def inspect_slope(
         if task.alone:
             _screening_of_one(task, grounds[0])
         else:
-            _change_of_two(task, grounds, screened)
+            grounds = _change_of_two(task, grounds, screened)
         run.outputs["run"] = run.record_path
         for label, ground in zip(("epoch",) if task.alone else ("reference", "moving"), grounds, strict=True):
             run.outputs[f"{label}_ground"] = run.stage.final(f"clouds/{ground.ground.name}")
@@ -243,11 +243,7 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
         shares = run.progress.split([e.name for e in task.epochs])
         with ThreadPoolExecutor(max_workers=at_once) as pool:
             grounds = list(pool.map(ground, task.epochs, shares))
-        # figures and checksum: a series that goes on from here takes the ground as it is
-        entry["epochs"] = {
-            e.name: plain(g) | {"figures": plain(g.figures()), "sha256": sha256(g.ground)}
-            for e, g in zip(task.epochs, grounds, strict=True)
-        }
+        entry["epochs"] = recorded(task.epochs, grounds)
     for epoch, found in zip(task.epochs, grounds, strict=True):
         if sentence := found.sentence():
             run.progress.info(f"{epoch.name}: {sentence}")
@@ -278,11 +274,16 @@ def _screened(task: _Inspection, ground: Path) -> EpochScreening:
     return found
 
 
-def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: bool) -> None:
+def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: bool) -> list[GroundResult]:
+    """Compare two surveys; returns their ground, of which each helped to find the other's."""
     run, settings = task.run, task.settings
     with cancellation.temporary(run.stage.folder / SPOOL) as spool:
         first, second = _ground_clouds(task, grounds, spool)
         registration = _registered(task, first, second)
+        transform = registration.transform
+        grounds = shared_grounds(run, task.epochs, grounds, settings.ground, transform, task.corrections)
+        if any(ground.shared_points for ground in grounds):
+            first, second = _ground_clouds(task, grounds, spool)
         moved = _moved(second, registration.transform)
         motion = None
         if settings.displacement_step.displacement:
@@ -307,6 +308,7 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
         if found is not None:
             write_epoch_screening(run, found, picture, task.epochs[1], task.hashes[1], settings.screening)
     write_objects(run, Classified(grounds[0].classified, grounds[1].classified, registration.transform), context)
+    return grounds
 
 
 def _context(task: _Inspection, change: Change, registration: RegistrationResult, crs: CRS) -> Context:

@@ -52,7 +52,7 @@ class GroundResult:
     ``plane_*`` describe the dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter
     without it). ``cover`` describes what covers the ground and how well it is known below, None where that was not
     asked. ``tiles`` is None for a cloud that was extracted in one piece, ``strips`` (``StripFit.facts``) where strips
-    were not compared.
+    were not compared. ``shared_points`` are ground because of another survey, see ``shared_ground``.
     """
 
     ground: Path
@@ -82,6 +82,7 @@ class GroundResult:
     cover: GroundCover | None = None
     tiles: TilesUsed | None = None
     strips: dict[str, Any] | None = None
+    shared_points: int = 0
 
     def sentence(self) -> str:
         """What a log says of it: which points are ground, and what covers them; empty where neither is to be told."""

@@ -164,7 +164,7 @@ def test_run_record_tells_what_ran(run):
     out, _, metrics = run
     record = json.loads((out / "run.json").read_text())
     assert [s["stage"] for s in record["stages"]] == [
-        "ground", "registration", "change", "screening", "products", "objects", "report",
+        "ground", "registration", "shared_ground", "change", "screening", "products", "objects", "report",
     ]  # fmt: skip
     assert all(s["seconds"] >= 0 and s["peak_memory_mb"] > 0 for s in record["stages"])
     assert record["pdal"]["version"]

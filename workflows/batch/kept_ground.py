@@ -67,6 +67,8 @@ def _keep(inspected: Path, work: Path, key: str, facts: dict[str, Any]) -> bool:
     """Copy one survey's files, those that say that it is there last; False where it is not to be used."""
     ground = inspected / str(facts["ground"])
     file, sidecar = names_of(GROUND, key)
+    if facts.get("shared_points"):  # nor is ground that another survey helped to find
+        return False
     if (work / sidecar).exists() or not ground.resolve().is_relative_to(inspected.resolve()):
         return False
     if sha256(ground) != facts["sha256"]:  # somebody has changed it
