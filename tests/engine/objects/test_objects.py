@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import date
+from xml.etree import ElementTree
 
 import geopandas as gpd
 import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from slopewatch.engine.maps.qgis_styles import objects_qml
 from slopewatch.engine.objects.base import Base
 from slopewatch.engine.objects.evidence import Counts, likelihood_ratio
 from slopewatch.engine.objects.find import find_groups
@@ -182,6 +184,11 @@ def test_an_object_names_the_zone_that_it_lies_in_and_counts_once():
     assert object_figures(frame)["object_deposits_beside_zones_m3"] == 0.0
     alone = found(bare(1), solid(bare(2), boulder(10.0, 12.0)))
     assert object_figures(alone)["object_deposits_beside_zones_m3"] == pytest.approx(alone["volume_m3"].sum())
+
+
+def test_the_legend_names_what_occurs():
+    root = ElementTree.fromstring(objects_qml({("boulder", "appeared"), ("wall", "vanished")}))
+    assert [one.get("label") for one in root.iter("category")] == ["Boulder, appeared", "Wall, vanished"]
 
 
 def test_the_same_surveys_give_the_same_table():
