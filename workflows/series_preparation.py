@@ -289,14 +289,7 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
             save_cells(path, epoch_cells(moved, kept.grid, settings.change, plants))
         return {"points": len(xyz)}
 
-    cells_key = key_of(
-        ground=_ground_key(task, number),
-        transform=key,
-        grid=asdict(kept.grid),
-        cell_value=settings.change.cell_value,
-        arrays=[f.name for f in fields(KeptMoments if settings.change.grows else CellStatistics)],
-    )
-    entry = kept.store.entry("cells.npz", cells_key, grid_cells, progress)
+    entry = kept.store.entry("cells.npz", _cells_key(task, number, kept.grid, key), grid_cells, progress)
     made += [] if entry.reused else ["cells"]
     facts |= {"ground_points": entry.facts["points"]}
     if ground is not None:
@@ -319,6 +312,18 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         excluded=excluded_area(task.corrected(number), first, transform),
         facts={k: v for k, v in facts.items() if k != "warnings"},
         made=tuple(made),
+    )
+
+
+def _cells_key(task: Task, number: int, grid: Grid, transform: str) -> str:
+    """What the cells of a survey depend on; ``transform`` is the key of its own."""
+    change = task.settings.change
+    return key_of(
+        ground=_ground_key(task, number),
+        transform=transform,
+        grid=asdict(grid),
+        cell_value=change.cell_value,
+        arrays=[f.name for f in fields(KeptMoments if change.grows else CellStatistics)],
     )
 
 
