@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
@@ -195,13 +195,18 @@ def footprints_qml() -> str:
     return _polygons_qml("footprints", _fields(FOOTPRINT_FIELDS), categories)
 
 
-def objects_qml() -> str:
-    """Style of what appeared (full outline) or vanished (dashed) above the ground, by kind, with labels and map tip."""
+def objects_qml(occurring: Collection[tuple[str, str]]) -> str:
+    """Style of what appeared (full outline) or vanished (dashed) above the ground, with labels and map tip.
+
+    Args:
+        occurring: kinds and changes of the objects, which the legend names.
+    """
     categories = [
         _category(f"{kind}, {change}", f"{kind.capitalize()}, {change}", fill, alpha if new else 0, line, width)
         | {"dash": "solid" if new else "dash"}
         for kind, fill, alpha, line, width in _OBJECT_LOOKS
         for new, change in ((True, APPEARED), (False, VANISHED))
+        if (kind, change) in occurring
     ]
     return _polygons_qml("objects", _fields(OBJECT_FIELDS, "objects"), categories)
 
