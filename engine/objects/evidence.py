@@ -66,6 +66,12 @@ class Place:
         near = np.sort(np.array(self._tree.query_ball_point(middle, reach + 1e-6), dtype=np.int64))
         return near[shapely.contains_xy(area, *self.xyz[near, :2].T)] if len(near) else near
 
+    def ground_around(self, area: BaseGeometry) -> tuple[Float, Float]:
+        """Returns (n, 3) from the ground in an area and a ring around it, and their heights (n,), m."""
+        near = self.within(_with_ring(area, self.spacing))
+        near = near[np.abs(self.heights[near]) < MIN_HEIGHT_M]
+        return self.xyz[near], self.heights[near]
+
     def split(self, area: BaseGeometry, tops: Tops) -> tuple[Index, Index]:
         """Returns over an area that lie nearer to the tops there than to the ground, and those nearer to the ground.
 
@@ -104,7 +110,7 @@ def pit_below(other: Place, area: BaseGeometry) -> float:
 
     Ground that was taken away leaves a pit, an object does not.
     """
-    ring = area.buffer(max(RING_M, 3.0 * other.spacing), quad_segs=4).difference(area)
+    ring = _with_ring(area, other.spacing).difference(area)
     outside, inside = (other.within(part) for part in (ring, area))
     outside, inside = (index[np.abs(other.heights[index]) < LOW_M] for index in (outside, inside))
     if len(outside) < _MIN_RING_POINTS or not len(inside):
@@ -112,3 +118,7 @@ def pit_below(other: Place, area: BaseGeometry) -> float:
     middle = other.xyz[inside].mean(axis=0)
     design = np.column_stack([other.xyz[outside, :2] - middle[:2], np.ones(len(outside))])
     return float(np.linalg.lstsq(design, other.xyz[outside, 2] - middle[2], rcond=None)[0][2])
+
+
+def _with_ring(area: BaseGeometry, spacing: float) -> BaseGeometry:
+    return area.buffer(max(RING_M, 3.0 * spacing), quad_segs=4)

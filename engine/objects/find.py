@@ -16,8 +16,10 @@ from .evidence import Counts, Place, Tops, core, footprint, likelihood_ratio, pi
 from .shapes import Shape, shape_of
 from .survey import Survey
 
-MAX_CHANCE = 0.001
-"""Likelihood ratio up to which a group of returns is taken as new: five returns on it against five through it."""
+MAX_CHANCE = 0.0005
+"""Likelihood ratio up to which a group of returns is taken as new: six returns on it against five through it.
+
+By Wilks' theorem chance alone makes it once in 10,000 groups, and half a hectare of forest has 1,000."""
 _MIN_RETURNS, _MIN_OPEN_RETURNS = 3, 8
 MAX_SOLID_M, STEP_M = 4.0, 0.4
 """What stands higher is no boulder, wall or vehicle; step in height that a closed surface has between its returns."""
@@ -151,7 +153,7 @@ class Pair:
             appeared=self.appeared,
             returns=part,
             area=area,
-            shape=shape_of(xyz, height, area),
+            shape=shape_of(xyz, height, self.owner.ground_around(area), area),
             owner=own,
             other=other,
             seen=(other.hits + other.through) * self.other.spacing**2 / area.area,

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, QhullError
 from shapely.geometry.base import BaseGeometry
 
 from ..core.arrays import Float
+from .base import NEIGHBOURS
 
 _MIN_FITTED = 9
 
@@ -17,6 +18,8 @@ _MIN_FITTED = 9
 @dataclass(frozen=True)
 class Shape:
     """Metres and m³. ``height`` is that of the top over the ground, ``lowest`` of the lowest return.
+
+    ``volume_error`` is the standard error of ``volume``.
 
     ``misfit`` is the scatter (m) of the returns about one surface of the second order, NaN for too few.
     """
@@ -26,18 +29,25 @@ class Shape:
     height: float
     lowest: float
     volume: float
+    volume_error: float
     misfit: float
 
 
-def shape_of(xyz: Float, height: Float, area: BaseGeometry) -> Shape:
-    """Of returns (n, 3) with their heights (n,) over the ground, m, over a footprint."""
+def shape_of(xyz: Float, height: Float, around: tuple[Float, Float], area: BaseGeometry) -> Shape:
+    """Of returns (n, 3) with their heights (n,) over the ground, m, with a footprint.
+
+    Args:
+        around: returns (m, 3) of the same survey from the ground around, and their heights (m,).
+    """
     length, width = sides(area)
+    volume, error = _volume(xyz, height, around)
     return Shape(
         length=length,
         width=width,
         height=float(np.quantile(height, 0.95)) if len(height) >= 20 else float(height.max()),
         lowest=float(height.min()),
-        volume=float(area.area * _mean_top(xyz, height, area)),
+        volume=volume,
+        volume_error=error,
         misfit=_misfit(xyz),
     )
 
@@ -51,17 +61,25 @@ def sides(area: BaseGeometry) -> tuple[float, float]:
     return float(max(first, second)), float(min(first, second))
 
 
-def _mean_top(xyz: Float, height: Float, area: BaseGeometry) -> float:
-    """Mean height (m) of the highest of the returns near places all over the footprint."""
-    west, south, east, north = area.bounds
-    step = max(float(np.sqrt(area.area / 400.0)), 0.05)
-    places = np.stack(np.meshgrid(np.arange(west + step / 2, east, step), np.arange(south + step / 2, north, step)), -1)
-    places = places.reshape(-1, 2)
-    places = places[shapely.contains_xy(area, *places.T)] if len(places) else places
-    if not len(places):
-        return float(np.mean(height))
-    near = cKDTree(xyz[:, :2]).query(places, k=1)[1]
-    return float(np.mean(height[near]))
+def _volume(xyz: Float, height: Float, around: tuple[Float, Float]) -> tuple[float, float]:
+    """m³ below triangles of the returns on the object and of those around, and its standard error.
+
+    An edge lies anywhere between the last return on the object and the first one beside it, so a triangle between the
+    two holds between nothing and twice its volume. Two such triangles share each return of the edge.
+    """
+    xy, heights = np.concatenate([xyz[:, :2], around[0][:, :2]]), np.concatenate([height, around[1]])
+    try:
+        corners = Delaunay(xy - xy.mean(axis=0)).simplices
+    except QhullError:  # points on a line
+        return 0.0, float("nan")
+    on = (corners < len(xyz)).sum(axis=1)
+    corners, on = corners[on > 0], on[on > 0]
+    along, across = (xy[corners[:, k]] - xy[corners[:, 0]] for k in (1, 2))
+    areas = np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / 2
+    parts = areas * heights[corners].mean(axis=1)
+    edge = parts[on < 3]
+    ground = float(np.std(around[1])) / np.sqrt(min(len(around[1]), NEIGHBOURS)) if len(around[1]) else 0.0
+    return float(parts.sum()), float(np.hypot(np.sqrt(2.0 / 3.0 * (edge**2).sum()), ground * areas.sum()))
 
 
 def _misfit(xyz: Float) -> float:

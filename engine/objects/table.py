@@ -13,13 +13,14 @@ import pandas as pd
 import shapely
 from pyproj import CRS
 
+from ..statistics.normal import Z95
 from ..vector.cell_polygons import field_kinds, table_column
 from .find import Found
 from .kinds import DEPOSITS, KINDS, UNKNOWN, VEGETATION, kind_of, standing
 
 FIELDS = field_kinds("""
     text: object_id kind change epoch_from epoch_to
-    real: height_m length_m width_m area_m2 volume_m3
+    real: height_m length_m width_m area_m2 volume_m3 volume_low_m3 volume_high_m3
     integer: n_points
     real: confidence
     text: reason
@@ -64,6 +65,8 @@ def objects_frame(found: Sequence[Found], zones: gpd.GeoDataFrame, origin: Origi
         "width_m": [shape.width for shape in shapes],
         "area_m2": [area.area for area in areas],
         "volume_m3": [shape.volume for shape in shapes],
+        "volume_low_m3": [max(shape.volume - Z95 * shape.volume_error, 0.0) for shape in shapes],
+        "volume_high_m3": [shape.volume + Z95 * shape.volume_error for shape in shapes],
         "n_points": [len(row[0].returns) for row in kept],
         "confidence": [1.0 - row[0].chance for row in kept],
         "reason": [row[2] for row in kept],

@@ -47,7 +47,8 @@ def write_objects(run: Run, clouds: Classified, context: Context) -> None:
         origin = Origin(context.crs, context.dates, context.run_id)
         frame = _compared(objects_frame(find_groups(first, later), zones, origin), run.stage.path(RASTER))
         path = run.stage.path(OBJECTS)
-        write_layers(path, [Layer(frame, "objects", objects_qml(), "MultiPolygon")], stamp=context.second.date)
+        style = objects_qml(set(zip(frame["kind"], frame["change"], strict=True)))
+        write_layers(path, [Layer(frame, "objects", style, "MultiPolygon")], stamp=context.second.date)
         run.outputs["objects"] = run.stage.final(OBJECTS)
         figures = object_figures(frame)
         run.figures |= figures

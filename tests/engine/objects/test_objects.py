@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import date
+from xml.etree import ElementTree
 
 import geopandas as gpd
 import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from slopewatch.engine.maps.qgis_styles import objects_qml
 from slopewatch.engine.objects.base import Base
 from slopewatch.engine.objects.evidence import Counts, likelihood_ratio
 from slopewatch.engine.objects.find import find_groups
@@ -92,6 +94,30 @@ def test_a_wall_with_few_returns_is_one_wall():
     assert np.median([float(table["length_m"].iloc[0]) for table in walls]) == pytest.approx(9.0, abs=1.0)
 
 
+def cone(x, y, radius, height):
+    return lambda e, n: np.maximum(height * (1.0 - np.hypot(e - x, n - y) / radius), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("top", "volume"),
+    [
+        (boulder(10.0, 12.0, 2.4), np.pi * 2.4**3 / 12),
+        (box(12.0, 12.0, 0.5, 9.0, 1.2), 5.4),
+        (box(12.0, 12.0, 4.4, 1.8, 1.5), 11.88),
+        (cone(12.0, 12.0, 1.8, 1.26), np.pi * 1.8**2 * 1.26 / 3),
+    ],
+    ids=["boulder", "wall", "car", "heap"],
+)
+def test_the_volume_is_right_in_the_mean_and_its_interval_holds(top, volume):
+    tables = [found(bare(seed + 50), solid(bare(seed), top)) for seed in range(20, 30)]
+    volumes = [table["volume_m3"].sum() for table in tables]
+    assert np.mean(volumes) == pytest.approx(volume, rel=0.1)
+    holds = [t["volume_low_m3"].sum() <= volume <= t["volume_high_m3"].sum() for t in tables]
+    assert sum(holds) >= 8
+    widths = [t["volume_high_m3"].sum() - t["volume_low_m3"].sum() for t in tables]
+    assert np.median(widths) < 0.5 * volume
+
+
 def test_low_vegetation_below_a_boulder_is_no_part_of_it():
     first = bare(1)
     random = np.random.default_rng(3)
@@ -158,6 +184,11 @@ def test_an_object_names_the_zone_that_it_lies_in_and_counts_once():
     assert object_figures(frame)["object_deposits_beside_zones_m3"] == 0.0
     alone = found(bare(1), solid(bare(2), boulder(10.0, 12.0)))
     assert object_figures(alone)["object_deposits_beside_zones_m3"] == pytest.approx(alone["volume_m3"].sum())
+
+
+def test_the_legend_names_what_occurs():
+    root = ElementTree.fromstring(objects_qml({("boulder", "appeared"), ("wall", "vanished")}))
+    assert [one.get("label") for one in root.iter("category")] == ["Boulder, appeared", "Wall, vanished"]
 
 
 def test_the_same_surveys_give_the_same_table():
