@@ -25,12 +25,14 @@ from .patches import Patch, placed
 from .table import Row, say
 from .watched import exit_of
 
-THIN = " thinned"
-"""Ends the name of a pair of which a random share of the returns is left."""
+THINNED, RIDGED = " thinned", " ridged"
+"""End the name of a pair of which a random share of the returns is left, or to which ridges are added."""
 LEFT = 0.45
+RIDGE_M, BETWEEN_RIDGES_M = 1.0, 14.0
+"""Amplitude of the ridges, whose flanks so have 24 degrees, and distance between them."""
 NAMES = (
     *("british_columbia", "british_columbia north", "chablais", "coromandel", "simulated shrubs"),
-    *("british_columbia thinned", "british_columbia north thinned", "chablais thinned"),
+    *("british_columbia thinned", "chablais thinned", "british_columbia ridged", "chablais ridged"),
 )
 SEEDS = (101, 102, 103)
 SIZES = tuple((sign * height, radius) for radius in (4.0, 3.0, 2.0) for height in (0.5, 0.3, 0.2) for sign in (-1, 1))
@@ -82,13 +84,15 @@ def rows() -> list[Row]:
 
 def _runs(name: str, seeds: Sequence[int]) -> Iterator[Outcome]:
     """Of each seed; none if the data are missing."""
-    kept = name.removesuffix(THIN)
+    kept = name.removesuffix(THINNED).removesuffix(RIDGED)
     pair = next((p for p in PAIRS if p.name == kept), None)
     if pair is not None and pair.missing:
         return
     first, second, slope = pair.load() if pair else _simulated(SIMULATED[kept])
-    if kept != name:
+    if name.endswith(THINNED):
         first, second = (_thinned(survey, number) for number, survey in enumerate((first, second)))
+    elif name.endswith(RIDGED):
+        first, second = (_ridged(survey) for survey in (first, second))
     grounds = [survey.xyz[survey.ground] for survey in (first, second)]
     for seed in seeds:
         patches = placed(SIZES, grounds, np.random.default_rng([seed, 331]), GAP_M, slope)
@@ -114,6 +118,12 @@ def _runs(name: str, seeds: Sequence[int]) -> Iterator[Outcome]:
 def _thinned(survey: Survey, seed: int) -> Survey:
     left = np.random.default_rng([seed, 332]).random(len(survey.xyz)) < LEFT
     return replace(survey, **{name: values[left] for name, values in vars(survey).items()})
+
+
+def _ridged(survey: Survey) -> Survey:
+    along = survey.xyz[:, :2] @ [0.8, 0.6]
+    ridges = RIDGE_M * np.sin(2.0 * np.pi * along / BETWEEN_RIDGES_M)
+    return replace(survey, xyz=survey.xyz + ridges[:, None] * [0.0, 0.0, 1.0])
 
 
 def _outcome(patches: Sequence[Patch], ours: Float, vendors: Float) -> Outcome:

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..engine.core.arrays import Float
+from ..engine.core.arrays import Bool, Float
 from .patches import MIN_GROUND_POINTS, TRIALS
 
 NOISE_M = 0.02
 """Standard deviation of a return from an object's top."""
+Numbers = NDArray[np.uint8]
 _REPOSE = np.tan(np.radians(35.0))
 
 
@@ -81,16 +83,29 @@ class Thing:
         offset = xyz[:, :2] - self.middle[:2]
         return np.asarray(xyz[:, 2] - self.middle[2] - offset @ np.array(self.gradient))
 
-    def put_into(self, xyz: Float, random: np.random.Generator) -> Float:
-        """Points (n, 3) with those below the top on it, because a pulse ends there."""
+    def top(self, xyz: Float) -> Float:
+        """(n,) heights (m) of the top over the plane at points (n, 3); 0 outside."""
         east, north = (xyz[:, :2] - self.middle[:2]).T
         sine, cosine = np.sin(self.azimuth), np.cos(self.azimuth)
-        top = self.shape.top(east * cosine + north * sine, north * cosine - east * sine)
-        over = self.over(xyz)
+        return self.shape.top(east * cosine + north * sine, north * cosine - east * sine)
+
+    def put_into(self, xyz: Float, random: np.random.Generator) -> tuple[Float, Bool]:
+        """Points (n, 3) with those below the top on it, because a pulse ends there, and which (n,) these are."""
+        top, over = self.top(xyz), self.over(xyz)
         hit = (top > 0.0) & (over < top)
         moved = xyz.copy()
         moved[hit, 2] += (top - over)[hit] + random.normal(0.0, NOISE_M, int(hit.sum()))
-        return moved
+        return moved, hit
+
+
+def ended(hit: Bool, number: Numbers) -> Bool:
+    """(n,) returns that are left if pulses end at their first return on an object, of which ``hit`` (n,) are on one.
+
+    The returns of a pulse follow each other in a file.
+    """
+    left = np.ones(len(hit), dtype=bool)
+    left[1:] = ~(hit[1:] & hit[:-1] & (number[1:] == number[:-1] + 1))
+    return left
 
 
 def placed_things(grounds: Sequence[Float], random: np.random.Generator, gap: float) -> list[Thing]:

@@ -240,7 +240,7 @@ def _write_products(
     with run.step("products", 0.88, 0.99, "writing outputs"):
         if task.settings.series.rasters_each_survey:
             for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
-                run.outputs |= write_epoch_rasters(kind, changes, about, task.hashes, run.stage, run.progress)
+                write_epoch_rasters(run, kind, changes, about, task.hashes)
         stack = analysis.stack
         velocity = cell_velocity(stack.days, list(stack.change), list(stack.variance))
         run.outputs |= write_summary_rasters(

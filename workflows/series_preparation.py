@@ -32,6 +32,7 @@ from ..engine.grid.grid import Grid
 from ..engine.grid.kept_moments import KeptMoments
 from ..engine.ground.corrected_ground import correct_ground
 from ..engine.ground.extraction import extract_ground
+from ..engine.ground.shared_ground import shared_ground
 from ..engine.ground.tiles.memory import shared_memory
 from ..engine.pointcloud.in_parts import SpooledCloud, spool
 from ..engine.pointcloud.pdal_program import Pdal
@@ -44,6 +45,7 @@ from ..interface.parameters import ChangeParameters, GridChangeParameters
 from .pair import Cloud, common_area, excluded_area, is_large, register_pair, survey_of
 from .series_store import Entry, Store, key_of, load_cells, save_cells
 from .settings import SeriesSettings
+from .shared_ground import ClassifiedSurvey, load_found, save_found, write_completed
 
 GROUND = "ground.laz"
 _AT_ONCE = 2  # surveys whose ground is found at the same time
@@ -273,6 +275,10 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         error, facts = float(registration_facts(entry.path)["registration_error_m"]), dict(entry.facts)
         registered = Registered.of_transform(entry.path)
         made += [] if entry.reused else ["registration"]
+        completed = _completed(task, number, kept, transform, progress)
+        if completed is not ground:
+            ground = completed
+            own.clear()
 
     def grid_cells(path: Path) -> dict[str, Any]:
         xyz, plants = survey_of(cloud())
@@ -283,19 +289,13 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
             save_cells(path, epoch_cells(moved, kept.grid, settings.change, plants))
         return {"points": len(xyz)}
 
-    cells_key = key_of(
-        ground=_ground_key(task, number),
-        transform=key,
-        grid=asdict(kept.grid),
-        cell_value=settings.change.cell_value,
-        arrays=[f.name for f in fields(KeptMoments if settings.change.grows else CellStatistics)],
-    )
-    entry = kept.store.entry("cells.npz", cells_key, grid_cells, progress)
+    entry = kept.store.entry("cells.npz", _cells_key(task, number, kept.grid, key), grid_cells, progress)
     made += [] if entry.reused else ["cells"]
     facts |= {"ground_points": entry.facts["points"]}
     if ground is not None:
         # for the report; what an older version kept has no cover
-        facts |= {name: ground.facts[name] for name in ("classified", "cover") if ground.facts.get(name)}
+        kept_facts = ("classified", "cover", "shared_points")
+        facts |= {name: ground.facts[name] for name in kept_facts if ground.facts.get(name)}
     if number and own and isinstance(own[0], SpooledCloud):
         own[0].file.unlink()
     return GriddedEpoch(
@@ -313,6 +313,49 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         facts={k: v for k, v in facts.items() if k != "warnings"},
         made=tuple(made),
     )
+
+
+def _cells_key(task: Task, number: int, grid: Grid, transform: str) -> str:
+    """What the cells of a survey depend on; ``transform`` is the key of its own."""
+    change = task.settings.change
+    return key_of(
+        ground=_ground_key(task, number),
+        transform=transform,
+        grid=asdict(grid),
+        cell_value=change.cell_value,
+        arrays=[f.name for f in fields(KeptMoments if change.grows else CellStatistics)],
+    )
+
+
+def _completed(task: Task, number: int, kept: _Kept, transform: RigidTransform, progress: Progress) -> Entry | None:
+    """The ground of a survey completed with the first one's; as it is if that adds nothing. The first one's stays."""
+    first, ground = kept.grounds[0], kept.grounds[number]
+    parameters = task.settings.ground
+    if first is None or ground is None or parameters.ground != "extract" or not parameters.refine:
+        return ground
+    classified = [entry.path.parent / Path(entry.facts["classified"]).name for entry in (first, ground)]
+    if is_large(classified):
+        return ground
+    key = key_of(shared=_registration_key(task, number))
+
+    def find(path: Path) -> dict[str, Any]:
+        other = ClassifiedSurvey(classified[0], RigidTransform.identity(), task.corrected(0)).read(parameters)
+        own = ClassifiedSurvey(classified[1], transform, task.corrected(number)).read(parameters)
+        found = shared_ground(own, other, parameters.class_threshold)
+        save_found(path, found)
+        return {"points": len(found.index)}
+
+    added = kept.store.entry("shared.npz", key, find, progress)
+    if not added.facts["points"]:
+        return ground
+
+    def write(path: Path) -> dict[str, Any]:
+        of_path = path.with_name(path.name.replace("ground", "classified"))
+        write_completed(classified[1], (of_path, path), load_found(added.path))
+        facts = {name: value for name, value in ground.facts.items() if name != "warnings"}
+        return facts | {"classified": f"{path.parent.name}/{of_path.name}", "shared_points": added.facts["points"]}
+
+    return kept.store.entry(GROUND, key, write, progress)
 
 
 def _points(task: Task, number: int, ground: Entry | None, transform: RigidTransform) -> Float:

@@ -26,7 +26,7 @@ from ..engine.grid.cell_statistics import CellStatistics
 from ..engine.grid.kept_moments import KeptMoments
 
 FOLDER = "work"
-_FORMAT = 3  # of the entries; another number makes all of them new
+_FORMAT = 4  # of the entries; another number makes all of them new
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from laspy import DecompressionSelection
 from numpy.typing import NDArray
 
 from ..engine.core import cancellation
-from ..engine.core.arrays import Bool
 from ..engine.core.checksums import sha256
 from ..engine.core.json_values import plain
 from ..engine.epochs.epoch import Epoch
@@ -91,7 +90,8 @@ def shared_grounds(
         for result, own, other in zip(grounds, surveys, reversed(surveys), strict=True):
             found = shared_ground(own, other, parameters.class_threshold)
             count = result.ground_points + len(found.index)
-            write_completed(result.classified, (result.classified, result.ground), own.ground, found)
+            if len(found.index):
+                write_completed(result.classified, (result.classified, result.ground), found)
             share = count / result.roi_points
             done.append(replace(result, ground_points=count, ground_ratio=share, shared_points=len(found.index)))
     for stage in run.record.stages:
@@ -108,25 +108,34 @@ def recorded(epochs: Sequence[Epoch], grounds: Sequence[GroundResult]) -> dict[s
     }
 
 
-def write_completed(source: Path, outputs: tuple[Path, Path], ground: Bool, found: Found) -> None:
+def write_completed(source: Path, outputs: tuple[Path, Path], found: Found) -> None:
     """Write the classified and the ground cloud with the ground that was found in addition.
 
     Args:
         source: the classified cloud of the extraction.
         outputs: the classified and the ground cloud to write, which may be files that are there.
-        ground: (n,) returns of the source that are ground.
     """
-    if not len(found.index) and outputs[0] == source:
-        return
     values = (found.height, found.plant_error, found.plant_height)
     dimensions = {}
     for name, new in zip(_DIMENSIONS, values, strict=True):
         dimensions[name] = np.array(read_dimension(source, name), dtype=np.float32)
         dimensions[name][found.index] = new
-    complete = ground.copy()
-    complete[found.index] = True
+    ground = np.array(read_dimension(source, "classification") == GROUND)
+    ground[found.index] = True
     every, alone = (output.with_name(f"{output.stem}_shared.laz") for output in outputs)
     with cancellation.temporary(every), cancellation.temporary(alone):
-        copies(source, labelled((every, alone), np.ones_like(ground), complete, dimensions))
+        copies(source, labelled((every, alone), np.ones_like(ground), ground, dimensions))
         os.replace(every, outputs[0])
         os.replace(alone, outputs[1])
+
+
+def save_found(path: Path, found: Found) -> None:
+    """Write what was found as compressed NumPy arrays."""
+    with path.open("wb") as file:
+        np.savez_compressed(file, **vars(found))
+
+
+def load_found(path: Path) -> Found:
+    """What ``save_found`` wrote."""
+    with np.load(path, allow_pickle=False) as arrays:
+        return Found(**arrays)

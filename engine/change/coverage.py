@@ -74,6 +74,11 @@ class Seen:
         return float(self._cells[list(classes)].sum()) * self.cell**2
 
     @property
+    def unseen(self) -> Bool:
+        """Cells (rows, columns) of the slope that were not compared."""
+        return np.isin(self.classes, NOT_SEEN)
+
+    @property
     def slope_area(self) -> float:
         """m², whatever was compared of it."""
         return self.area(COMPARED, *NOT_SEEN)
@@ -96,7 +101,7 @@ def seen(change: Change) -> Seen:
     """Class of each cell of the grid.
 
     The slope is the region that was given, or else the outline of both surveys with its holes. A cell is compared if it
-    has a change. Another one lacks the ground of a survey nearby (``seen_cells.near_ground``); if it lacks neither, the
+    has a change. Another one lacks the ground of a survey nearby (``seen_cells.near_points``); if it lacks neither, the
     points around are too few.
     """
     layout, known = change.layout, change.seen
@@ -115,11 +120,6 @@ def seen(change: Change) -> Seen:
         classes[known.excluded.array] = EXCLUDED
     classes[~inside] = OUTSIDE
     return Seen(classes, change.grid.cell)
-
-
-def not_compared(change: Change) -> Bool:
-    """Cells (rows, columns) of the slope without a change."""
-    return np.isin(seen(change).classes, NOT_SEEN)
 
 
 def _outline(points: Sequence[NDArray[np.signedinteger[Any]]], valid: Bool, cell: float) -> Bool:

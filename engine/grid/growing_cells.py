@@ -24,7 +24,7 @@ from .grown_cells import COLUMNS, Grown, Growth, grow
 from .kept_moments import KeptMoments, TiledMoments
 from .partition import Partition
 from .plant_cells import PlantCells, together
-from .seen_cells import Cells, near_ground
+from .seen_cells import Cells, near_ground, near_points
 from .stored_tiles import StoredTiles
 from .tiled_points import Counted, Frame, Tiled, TiledPoints, Tiles, Window
 
@@ -83,7 +83,7 @@ def adaptive_cells(
     the errors of two blocks are independent but for the registration. Single cells here and there in a square, less
     than a quarter of it, are no block: their mean would be that of places far apart. They, and what has too few
     points of its own, get the change of the smallest whole square that serves, whose points finer blocks in it have
-    used as well. A cell without ground of both surveys nearby (``seen_cells.near_ground``) is not compared, and its
+    used as well. A cell without ground of both surveys nearby (``seen_cells.near_points``) is not compared, and its
     points are in no block. Neither counts a quarter of a block without any point, nor what lies outside of either
     survey, gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
 
@@ -151,7 +151,7 @@ def _grown(
     within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
     points = [epoch.counts(within) for epoch in epochs]
     outlines = [_surveyed_cells(epoch, within, multiple) for epoch in epochs]
-    near = [_near_ground(epoch, within, level) for epoch in epochs]
+    near = [_near_ground(epoch, within) for epoch in epochs]
     kept = Cells.of(frame.cut(near[0])), Cells.of(frame.cut(near[1]))
     within &= outlines[0] & outlines[1] & near[0] & near[1]
     del outlines, near
@@ -204,7 +204,7 @@ def _surveyed_cells(epoch: Tiled | TiledMoments, within: NDArray[np.bool_], reac
     return surveyed(*epoch.hit(within), reach)
 
 
-def _near_ground(epoch: Tiled | TiledMoments, within: NDArray[np.bool_], level: float) -> NDArray[np.bool_]:
+def _near_ground(epoch: Tiled | TiledMoments, within: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Cells of the frame (rows, columns) with ground of the survey nearby, of what is ``within``."""
     frame, tiles = epoch.frame, epoch.tiles
     found = np.zeros(frame.grid.shape, dtype=bool)
@@ -213,7 +213,13 @@ def _near_ground(epoch: Tiled | TiledMoments, within: NDArray[np.bool_], level: 
         outer = tiles.widened(inner, math.ceil(REACH_M / frame.grid.cell) + 1)
         if not any(epoch.reaches(tile, within) for tile in tiles.near(outer)):
             continue
-        near = near_ground(_moments(epoch, outer, frame.part(outer), level))
+        part = frame.part(outer)
+        if isinstance(epoch, TiledMoments):
+            near = near_ground(epoch.moments(outer, part))
+        else:
+            near = np.zeros(part.shape, dtype=bool)
+            for xyz, _ in epoch.inside(outer):
+                near |= near_points(xyz, part)
         found[inner] = near[tuple(slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer))]
     return found
 

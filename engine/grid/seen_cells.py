@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from scipy.spatial import cKDTree
 from ...interface.seen import REACH_M
 from ..core.arrays import Bool, Float
 from .block_moments import UU, VV, Moments, U, V
+from .cell_statistics import cell_index
+from .grid import Grid
 
 
 @dataclass(frozen=True)
@@ -56,23 +59,39 @@ class SeenCells:
 
 
 def near_ground(moments: Moments) -> Bool:
-    """Cells (rows, columns) with a point of a survey within themselves or within ``REACH_M`` of their centre.
-
-    A point lies within a distance if the root mean square of a cell's points does. That needs sums only, and misses a
-    point of a cell whose points are far apart.
+    """As ``near_points``, from sums of the points: a point lies within a distance if the root mean square of a cell's
+    points does. That misses a point of a cell whose points are far apart: up to a tenth of the cells of 1 m.
     """
-    hit = moments.count > 0
+    return _near(moments.count > 0, moments.side, lambda edge: _places(moments, np.nonzero(edge)))
+
+
+def near_points(xyz: Float, grid: Grid) -> Bool:
+    """Cells (rows, columns) with a point (n, 3) within themselves or within ``REACH_M`` of their centre."""
+    index = cell_index(xyz, grid)
+    inside = index >= 0
+    xyz, index = xyz[inside], index[inside]
+    hit = np.zeros(grid.shape, dtype=bool)
+    hit.ravel()[index] = True
+    first = grid.west + grid.cell / 2, grid.north - grid.cell / 2
+    return _near(hit, grid.cell, lambda edge: xyz[edge.ravel()[index], :2] - first)
+
+
+def _near(hit: Bool, side: float, places: Callable[[Bool], Float]) -> Bool:
+    """Cells of ``side`` m with a point, or near one: ``places`` (n, 2 or 3) of the points in some cells, m from the
+    middle of the first cell. A third one adds to the distance.
+    """
     if not hit.any():
         return hit
-    away = ndimage.distance_transform_edt(~hit) * moments.side
-    half = moments.side * math.sqrt(0.5)
+    away = ndimage.distance_transform_edt(~hit) * side
+    half = side * math.sqrt(0.5)
     near = hit | (away + half <= REACH_M)
     doubtful = np.nonzero(~near & (away - half <= REACH_M))
     if doubtful[0].size:
-        # the nearest points lie in cells at the edge of those hit
-        places = _places(moments, np.nonzero(hit & ~ndimage.binary_erosion(hit)))
-        centres = np.column_stack([_middles(doubtful, moments), np.zeros(doubtful[0].size)])
-        nearest, _ = cKDTree(places).query(centres, distance_upper_bound=REACH_M * (1.0 + 1e-9))
+        # the points of a third cell from the edge of those hit are farther away than all of the first one
+        known = places(hit & ~ndimage.binary_erosion(hit, np.ones((5, 5))))
+        centres = np.zeros((doubtful[0].size, known.shape[1]))
+        centres[:, :2] = _middles(doubtful, side)
+        nearest, _ = cKDTree(known).query(centres, distance_upper_bound=REACH_M * (1.0 + 1e-9))
         near[doubtful] = np.isfinite(nearest)
     return near
 
@@ -92,9 +111,9 @@ def _places(moments: Moments, cells: tuple[NDArray[np.intp], ...]) -> Float:
     count = moments.count[cells]
     mean = np.column_stack([moments.sums[U][cells], moments.sums[V][cells]]) / count[:, None]
     squares = (moments.sums[UU][cells] + moments.sums[VV][cells]) / count - (mean**2).sum(axis=1)
-    return np.column_stack([_middles(cells, moments) + mean, np.sqrt(np.maximum(squares, 0.0))])
+    return np.column_stack([_middles(cells, moments.side) + mean, np.sqrt(np.maximum(squares, 0.0))])
 
 
-def _middles(cells: tuple[NDArray[np.intp], ...], moments: Moments) -> Float:
-    """(n, 2) east and north of the middles of ``cells``, m."""
-    return np.column_stack([cells[1], -cells[0]]) * moments.side
+def _middles(cells: tuple[NDArray[np.intp], ...], side: float) -> Float:
+    """(n, 2) east and north of the middles of ``cells`` from that of the first, m."""
+    return np.column_stack([cells[1], -cells[0]]) * side

@@ -148,10 +148,13 @@ def confirmed_qml(largest: int) -> str:
     return render(_TEMPLATES / "counts.qml.j2", colours=[hexadecimal(SEQUENTIAL[place][1]) for place in places])
 
 
-def seen_qml(present: Iterable[int]) -> str:
-    """Style of the raster of what was seen, with the classes that are ``present``; those not seen are coloured."""
+def seen_qml(present: Iterable[int], shown: tuple[date, date] | None = None) -> str:
+    """Style of the raster of what was seen, with the classes that are ``present``; those not seen are coloured.
+
+    ``shown``: as in ``change_qml``.
+    """
     entries = [(one, hexadecimal(SEEN[one][:3]), SEEN[one][3], LABELS[one]) for one in present if one in NOT_SEEN]
-    return render(_TEMPLATES / "seen.qml.j2", entries=entries)
+    return render(_TEMPLATES / "seen.qml.j2", entries=entries, shown=_days(shown))
 
 
 def zones_qml(*, located: bool = False) -> str:
@@ -294,8 +297,13 @@ def ramp_qml(
         suffix=f" {unit}" if unit else "",
         band=band,
         opacity_band=opacity_band,
-        shown=shown and (shown[0] + timedelta(days=1), shown[1]),
+        shown=_days(shown),
     )
+
+
+def _days(shown: tuple[date, date] | None) -> tuple[date, date] | None:
+    """The first and the last day on which a layer is shown that follows a survey on the first of two days."""
+    return shown and (shown[0] + timedelta(days=1), shown[1])
 
 
 def classes_qml(fields: Iterable[str]) -> str:

@@ -15,6 +15,7 @@ from ..series.tables import About, zone_polygon
 from ..series.velocity import CellVelocity
 from ..series.zone_series import ZoneSeries
 from ..statistics.normal import Z95
+from .heatmap_image import Unseen
 from .map_parts import (
     SMALL,
     Sheet,
@@ -27,6 +28,7 @@ from .map_parts import (
 )
 from .palette import colour_limit, diverging_colours
 from .picture_words import fonts, say
+from .unseen import draw_unseen, draw_unseen_key
 
 _WIDTH_IN, _HEIGHT_IN = 9.0, 5.9
 _MAP_IN = 7.8, 3.8
@@ -63,16 +65,9 @@ def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, abou
     wide, tall = inches * (east - west), inches * (north - south)
     axes = sheet.axes(0.6 + (_MAP_IN[0] - wide) / 2, 1.4 + (_MAP_IN[1] - tall) / 2, wide, tall, "map")
     draw_image(axes, image, about.grid, "nearest")
-    if unseen.any():
-        axes.contourf(
-            np.flipud(unseen).astype(np.float64),
-            levels=[0.5, 1.5],
-            colors="none",
-            hatches=["////"],
-            extent=(west, east, south, north),
-            zorder=2,
-        )
     draw_coordinates(axes, about.grid, inches)
+    if draw_unseen(axes, Unseen(unseen, about.grid), inches):
+        draw_unseen_key(sheet, 5.2, 0.33)
     for zone in zones:
         shape = zone_polygon(zone.cells, about.grid).buffer(about.grid.cell).buffer(-about.grid.cell)
         for part in shapely.get_parts(shape):
@@ -92,7 +87,7 @@ def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, abou
     sheet.text(
         6.0,
         0.95,
-        say("velocity ({0}): red lowers, blue rises, grey within its error, hatched not compared").format(unit.name),
+        say("velocity ({0}): red lowers, blue rises, grey within its error").format(unit.name),
         ha="center",
     )
     used = {zone.alert.level: zone.alert for zone in zones}

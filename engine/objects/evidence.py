@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from ..core.arrays import Float, Index
-from .candidates import LOW_M, Heights
+from .candidates import LOW_M, MIN_HEIGHT_M, Heights
 
 RING_M = 1.0
 """Width of the ring in which the ground around is looked at, and at least three spacings."""
@@ -39,6 +39,16 @@ def _log_likelihood(counts: Counts) -> float:
     return sum(n * np.log(n / total) for n in (counts.hits, counts.through) if n)
 
 
+class Tops:
+    """Heights (n,) m of the returns (n, 2) on an object; at a place that of the nearest one."""
+
+    def __init__(self, xy: Float, height: Float) -> None:
+        self._tree, self._height = cKDTree(xy), height
+
+    def at(self, xy: Float) -> Float:
+        return np.asarray(self._height[self._tree.query(xy)[1]])
+
+
 class Place:
     """Returns of a survey around places, looked up from above."""
 
@@ -56,10 +66,19 @@ class Place:
         near = np.sort(np.array(self._tree.query_ball_point(middle, reach + 1e-6), dtype=np.int64))
         return near[shapely.contains_xy(area, *self.xyz[near, :2].T)] if len(near) else near
 
-    def counts(self, area: BaseGeometry, low: float, top: float) -> Counts:
-        """Returns over an area between the heights ``low`` and ``top`` (m), and below."""
-        height = self.heights[self.within(area)]
-        return Counts(int(np.count_nonzero((height >= low) & (height <= top))), int(np.count_nonzero(height < low)))
+    def split(self, area: BaseGeometry, tops: Tops) -> tuple[Index, Index]:
+        """Returns over an area that lie nearer to the tops there than to the ground, and those nearer to the ground.
+
+        Returns clearly over the tops, as of a crown, say nothing and are in neither.
+        """
+        within = self.within(area)
+        height, top = self.heights[within], tops.at(self.xyz[within, :2])
+        through = height < np.minimum(top / 2, MIN_HEIGHT_M)
+        return within[~through & (height <= top + MIN_HEIGHT_M)], within[through]
+
+    def counts(self, area: BaseGeometry, tops: Tops) -> Counts:
+        hits, through = self.split(area, tops)
+        return Counts(len(hits), len(through))
 
 
 def core(xy: Float, longest: float) -> BaseGeometry:

@@ -5,17 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from ..core.arrays import Index
+from ..core.arrays import Float, Index
+from ..geometry.voxel_groups import groups
 from .base import NEIGHBOURS, Base
-from .candidates import LOW_M, MIN_HEIGHT_M, Heights, changed_returns, groups, link_length
-from .evidence import Counts, Place, core, footprint, likelihood_ratio, pit_below
+from .candidates import MIN_HEIGHT_M, Heights, changed_returns, link_length
+from .evidence import Counts, Place, Tops, core, footprint, likelihood_ratio, pit_below
 from .shapes import Shape, shape_of
 from .survey import Survey
 
-MAX_CHANCE = 0.005
-"""Likelihood ratio up to which a group of returns is taken as new: four returns on it against four through it."""
+MAX_CHANCE = 0.001
+"""Likelihood ratio up to which a group of returns is taken as new: five returns on it against five through it."""
 _MIN_RETURNS, _MIN_OPEN_RETURNS = 3, 8
 MAX_SOLID_M, STEP_M = 4.0, 0.4
 """What stands higher is no boulder, wall or vehicle; step in height that a closed surface has between its returns."""
@@ -55,6 +57,10 @@ class Found:
         return between <= MAX_BENEATH and around <= MAX_AROUND and self.ended >= MIN_ENDED
 
     @property
+    def flat(self) -> bool:
+        return self.shape.lowest >= FLAT_TOP * self.shape.height
+
+    @property
     def chance(self) -> float:
         return likelihood_ratio(self.owner, self.other)
 
@@ -74,56 +80,71 @@ def _one_way(owner: Survey, other: Survey, *, appeared: bool) -> list[Found]:
     changed = changed_returns(own, others)
     if not len(changed):
         return []
-    link = link_length(owner.spacing)
-    pair = Pair(owner, Place(own), Place(others), link, appeared)
-    ended = owner.last[changed] & (own.height[changed] <= MAX_SOLID_M)
-    closed = [one for one in pair.found(changed[ended], STEP_M, _MIN_RETURNS) if one.closed]
-    closed = pair.joined(closed)
+    solid = np.flatnonzero(owner.last & (own.height > MIN_HEIGHT_M) & (own.height <= MAX_SOLID_M))
+    pair = Pair(owner, Place(own), Place(others), link_length(owner.spacing), solid, appeared)
+    left = np.intersect1d(changed, solid)
+    closed: list[Found] = []
+    for wider, flat in ((2.0, True), (1.0, False)):
+        closed += pair.closed(left, wider, flat=flat)
+        left = np.setdiff1d(left, np.concatenate([one.returns for one in closed] or [left[:0]]))
     left = np.setdiff1d(changed, np.concatenate([one.returns for one in closed] or [changed[:0]]))
-    return closed + pair.found(left, link, _MIN_OPEN_RETURNS)
+    return closed + pair.found(left, pair.link, _MIN_OPEN_RETURNS)
 
 
 @dataclass(frozen=True)
 class Pair:
-    """The survey that holds objects, and the other one; returns closer than about ``link`` m are of one object."""
+    """The survey that holds objects, and the other one; returns closer than about ``link`` m are of one object.
+
+    ``solid`` are the returns that may lie on a closed surface.
+    """
 
     survey: Survey
     owner: Place
     other: Place
     link: float
+    solid: Index
     appeared: bool
+
+    def closed(self, chosen: Index, wider: float, *, flat: bool) -> list[Found]:
+        """Closed surfaces about the returns ``chosen`` (n,), or flat tops, of which few returns may leave gaps."""
+        link, step = wider * self.link, STEP_M / wider
+        found: list[Found] = []
+        used = chosen[:0]
+        for part in self._parts(chosen, link, step, _MIN_RETURNS):
+            if np.isin(part, used).any():
+                continue
+            both = (self._one(returns, link) for returns in (part, self._grown(part, link, step)))
+            surfaces = [one for one in both if one is not None and one.closed and (one.flat or not flat)]
+            if surfaces:
+                found.append(min(surfaces, key=lambda one: one.chance))
+                used = np.union1d(used, found[-1].returns)
+        return found
 
     def found(self, chosen: Index, step: float, least_returns: int) -> list[Found]:
         """What surely changed of the returns ``chosen`` (n,), in groups with steps of height up to ``step`` m."""
-        places = np.column_stack([self.survey.xyz[chosen, :2], self.owner.heights[chosen]])
-        sides = np.array([self.link / 1.5, self.link / 1.5, step])
-        parts = [np.sort(chosen[part]) for part in groups(places, sides) if len(part) >= least_returns]
-        return [one for one in map(self._one, parts) if one is not None]
+        every = (self._one(part, self.link) for part in self._parts(chosen, self.link, step, least_returns))
+        return [one for one in every if one is not None]
 
-    def joined(self, closed: list[Found]) -> list[Found]:
-        """The same with parts of one flat top as one: few returns may leave gaps in a wall."""
-        flat = [one for one in closed if one.shape.lowest >= FLAT_TOP * one.shape.height]
-        parts = [one for one in closed if one.shape.lowest < FLAT_TOP * one.shape.height]
-        while flat:
-            one = flat.pop(0)
-            near = [k for k, other in enumerate(flat) if self._continues(one, other)]
-            whole = self._one(np.union1d(one.returns, flat[near[0]].returns)) if near else None
-            if whole is not None and whole.closed:
-                flat[near[0]] = whole
-            else:
-                parts.append(one)
-        return parts
+    def _parts(self, chosen: Index, link: float, step: float, least_returns: int) -> list[Index]:
+        parts = groups(self._places(chosen), np.array([link / 1.5, link / 1.5, step]))
+        return [np.sort(chosen[part]) for part in parts if len(part) >= least_returns]
 
-    def _continues(self, one: Found, other: Found) -> bool:
-        step = abs(one.shape.height - other.shape.height)
-        return step <= STEP_M / 2 and one.area.distance(other.area) <= self.link
+    def _places(self, chosen: Index) -> Float:
+        return np.column_stack([self.survey.xyz[chosen, :2], self.owner.heights[chosen]])
 
-    def _one(self, part: Index) -> Found | None:
+    def _grown(self, part: Index, link: float, step: float) -> Index:
+        """``part`` with the solid returns next to it, for which the other survey has returns about as high."""
+        scale = 1.0 / np.array([link, link, step])
+        away = cKDTree(self._places(part) * scale).query(self._places(self.solid) * scale, distance_upper_bound=1.0)[0]
+        return self.solid[np.isfinite(away)]
+
+    def _one(self, part: Index, link: float) -> Found | None:
         xyz, height = self.survey.xyz[part], self.owner.heights[part]
-        inner = core(xyz[:, :2], self.link)
+        inner = core(xyz[:, :2], link)
         area = footprint(xyz[:, :2], inner, _RIM_SPACINGS * self.survey.spacing)
-        low, top = max(LOW_M, float(height.min()) / 2), float(height.max()) + MIN_HEIGHT_M
-        own, other = (place.counts(area, low, top) for place in (self.owner, self.other))
+        tops = Tops(xyz[:, :2], height)
+        hits, through = self.owner.split(area, tops)
+        own, other = Counts(len(hits), len(through)), self.other.counts(area, tops)
         if likelihood_ratio(own, other) > MAX_CHANCE or own.hits * other.through <= other.hits * own.through:
             return None
         return Found(
@@ -134,12 +155,7 @@ class Pair:
             owner=own,
             other=other,
             seen=(other.hits + other.through) * self.other.spacing**2 / area.area,
-            beneath=self.owner.counts(inner, low, top).through,
-            ended=self._ended(area, low, top),
+            beneath=self.owner.counts(inner, tops).through,
+            ended=float(self.survey.last[hits].mean()),
             pit=pit_below(self.other, area),
         )
-
-    def _ended(self, area: BaseGeometry, low: float, top: float) -> float:
-        within = self.owner.within(area)
-        height = self.owner.heights[within]
-        return float(self.survey.last[within[(height >= low) & (height <= top)]].mean())

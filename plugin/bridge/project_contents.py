@@ -76,6 +76,7 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
     ("zones", "unsure"): ("Unsure change", ZONES, False),
     ("zones", "not_seen"): ("Not seen", CHANGE, True),
+    ("series_zones", "not_seen"): ("Not seen", CHANGE, True),
     ("classes", "budget_by_class"): ("Change by class of asset", ZONES, False),
     ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
     ("located", "*"): ("Places on the road", ZONES, True),
@@ -123,7 +124,7 @@ _HEIGHTS = "surface_heights"
 _HEIGHT_TITLES = ("Ground heights, earlier survey (m)", "Ground heights, later survey (m)")
 _ROW_A_SURVEY = {("displacement_vectors", "zones"), ("displacement_vectors", "vectors")}
 """In a series these have a row a survey, which lie on each other without the temporal controller."""
-_OF_SURVEYS = re.compile(r"(cumulative|incremental)_(change|level)_\d+")
+_OF_SURVEYS = re.compile(r"(cumulative|incremental)_(change|level|seen)_\d+")
 _OF_MODELS = re.compile(r"(elevation_change|level_of_detection)_(\d+)_(\d+)")
 """Of elevation models, which are counted from 1."""
 _SPAN = re.compile(r"(\d{4}-\d{2}-\d{2})_(\d{4}-\d{2}-\d{2})$")
@@ -131,6 +132,8 @@ _SURVEY_TITLES = {
     "cumulative_change": "Change since the first survey", "incremental_change": "Change since the survey before",
     "cumulative_level": "Level of detection since the first survey",
     "incremental_level": "Level of detection since the survey before",
+    "cumulative_seen": "Seen and not seen since the first survey",
+    "incremental_seen": "Seen and not seen since the survey before",
 }  # fmt: skip
 _MAIN = (("series_zones", "zones"), ("corridor", "zones"), ("zones", "zones"), ("displacement_vectors", "zones"))
 """Layers of zones, the one first that a print layout lists."""

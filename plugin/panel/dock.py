@@ -32,7 +32,7 @@ from .buttons import button
 from .corrections import CorrectionsButton
 from .report_task import ReportTask
 from .review_bar import ReviewBar
-from .run_folder import ZONE_LAYER, report_of, run_folder, zone_files
+from .run_folder import UNSEEN_LAYER, ZONE_LAYER, report_of, run_folder, zone_files
 from .zone_charts import ZoneCharts
 from .zone_list import ZoneList
 from .zone_rows import ZoneRow, is_zones_layer, zone_layers, zone_rows
@@ -168,6 +168,8 @@ class SlopeWatchPanel(QDockWidget):
                 if not is_zones_layer(layer):
                     continue
                 translate_style(layer)
+                if not found:
+                    _add_unseen(path, f"{folder.name}: {tr('Not seen')}")
                 QgsProject.instance().addMapLayer(layer)
                 node = QgsProject.instance().layerTreeRoot().findLayer(layer.id())
                 if node is not None and found:
@@ -318,3 +320,11 @@ class SlopeWatchPanel(QDockWidget):
             self._canvas.unsetMapTool(self._picker)
         self._timer.stop()
         self._layer = None
+
+
+def _add_unseen(path: Path, title: str) -> None:
+    """Have the map hatch what the surveys of a run did not compare; the zones come above."""
+    unseen = QgsVectorLayer(f"{path}|layername={UNSEEN_LAYER}", title, "ogr")
+    if unseen.isValid() and unseen.featureCount():
+        translate_style(unseen)
+        QgsProject.instance().addMapLayer(unseen)

@@ -8,6 +8,8 @@ RECORD, REPORT = "run.json", "report.html"
 ZONE_FILES = ("zones.gpkg", "series.gpkg", "screened_zones.gpkg")
 """Files with zones, the first of which is what a person looks at first; each has its zones in a layer of this name:"""
 ZONE_LAYER = "zones"
+UNSEEN_LAYER = "not_seen"
+"""What was not compared, in the same file."""
 
 
 def file_of(source: str) -> Path:

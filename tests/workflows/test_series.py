@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -14,11 +15,13 @@ import rasterio
 from affine import Affine
 from rasterio.features import geometry_mask
 from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.report.signed.rasters import surface_of
 from slopewatch.interface.parameters import (
     GridChangeParameters,
     SeriesParameters,
     SurveyParameters,
 )
+from slopewatch.interface.seen import COMPARED, KEYS, NOT_SEEN, OUTSIDE
 from slopewatch.simulation.surveys.series import Creep, simulate_series, survey_days, write_series
 from slopewatch.tests.builders.series_clouds import READY, Counted, surveys
 from slopewatch.workflows.products.series import SERIES_OUTPUTS
@@ -42,7 +45,7 @@ def test_every_promised_output_exists(runs):
     outputs = found[1][3]
     assert all(path.stat().st_size > 0 for path in outputs.values())
     assert all((out / name).is_file() for name in SERIES_OUTPUTS if name != "report.pdf")  # which is on request
-    assert len(list((out / "cumulative").glob("*.tif"))) == len(list((out / "incremental").glob("*.tif"))) == 8
+    assert len(list((out / "cumulative").glob("*.tif"))) == len(list((out / "incremental").glob("*.tif"))) == 12
     assert not [p for p in out.rglob("*") if p.name.startswith(".") or ".part" in p.name]
 
 
@@ -171,6 +174,30 @@ def test_rasters_say_what_time_they_are_of_and_when_they_are_shown(simulated, ru
         assert spans[0][0].date() == series.dates[0] + timedelta(days=1)
         # side by side: no day shows two surveys or none
         assert all(later[0] - before[1] == timedelta(seconds=1) for before, later in pairwise(spans))
+
+
+def test_each_pair_says_what_was_seen_and_the_maps_hatch_the_rest_of_the_last(runs):
+    out, found = runs
+    record = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    files = sorted(out.glob("*/seen_*.tif"))
+    assert len(files) == 8
+    for path in files:
+        with rasterio.open(path) as raster:
+            classes = raster.read(1)
+        change = read(path.with_name(path.name.replace("seen", "elevation_change")))
+        assert np.array_equal(classes == COMPARED, np.isfinite(change))
+        shares = record["seen_of_pairs"][path.stem.removeprefix("seen_").replace("_", " to ")]
+        slope = np.count_nonzero(classes != OUTSIDE)
+        assert shares == pytest.approx({KEYS[k]: (classes == k).sum() / slope for k in (COMPARED, *NOT_SEEN)})
+    assert set(map(str, found[1][3].values())) >= set(map(str, files))
+    last = out / record["outputs"]["cumulative_seen_004"]
+    with rasterio.open(last) as raster:
+        unseen, transform = np.isin(raster.read(1), NOT_SEEN), raster.transform
+    assert unseen.any()
+    outlined = geopandas.read_file(out / "series.gpkg", layer="not_seen")
+    assert np.array_equal(geometry_mask(outlined.geometry, unseen.shape, transform, invert=True), unseen)
+    hatched = surface_of(record, out).unseen
+    assert np.array_equal(hatched.cells, unseen)
 
 
 def test_raw_surveys_get_their_ground_once(tmp_path):

@@ -10,7 +10,6 @@ from typing import Any
 
 import geopandas as gpd
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS
 
 from ...engine.change.coverage import Seen, seen
@@ -21,7 +20,6 @@ from ...engine.elevation_models.model import EPOCHS, SURFACE_BAND
 from ...engine.epochs.epoch import Epoch
 from ...engine.geometry.rigid_transform import RigidTransform
 from ...engine.grid import geotiff
-from ...engine.grid.grid import Grid
 from ...engine.maps import palette, qgis_styles, top_view
 from ...engine.maps.heatmap import write_heatmap_png
 from ...engine.maps.heatmap_image import Unseen, make_heatmap
@@ -39,12 +37,13 @@ from ...engine.zones.not_seen import not_seen_frame
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
 from ...interface.parameters import ChangeParameters, HeatmapParameters, given
-from ...interface.seen import LABELS, NOT_SEEN, RASTER
+from ...interface.seen import RASTER
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
 from .classes import CLASS_OUTPUTS, Compared, write_class_budgets
 from .masked_raster import Legend, write_masked_raster
+from .seen import write_seen
 
 CHANGE_OUTPUTS = (
     "elevation_change.tif",
@@ -131,7 +130,8 @@ def write_products(
     )
     run.outputs |= _write_rasters(change, context, tags, limit, run.stage)
     of_slope = seen(change)
-    run.outputs |= _write_seen(of_slope, change.grid, context, tags, run.stage)
+    write_seen(run.stage.path(RASTER), of_slope, change.grid, context.crs, tags)
+    run.outputs["seen"] = run.stage.final(RASTER)
     progress.update(0.3, "outlining zones")
     found = zones or change_zones(
         change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
@@ -141,7 +141,9 @@ def write_products(
         pair = Compared(context.first.name, context.second.name, change, found.correlation)
         write_class_budgets(run, [pair], run.related.classes, context.crs, context.second.date)
     progress.update(0.5, "drawing the heatmap")
-    _write_pictures(run, change, found, picture, context, settings.heatmap, (limit, tags, of_slope.classes))
+    _write_pictures(
+        run, change, found, picture, context, settings.heatmap, (limit, tags, Unseen(of_slope.unseen, change.grid))
+    )
     progress.update(0.95, "taking profiles")
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
     terms = error_terms(change)
@@ -204,18 +206,17 @@ def _write_pictures(
     picture: PointCloud | CloudFile | top_view.TopView,
     context: Context,
     parameters: HeatmapParameters,
-    look: tuple[float, dict[str, str], NDArray[np.uint8]],
+    look: tuple[float, dict[str, str], Unseen],
 ) -> None:
-    """The top view and the heatmap over it; ``look``: the colours' limit (m), the rasters' tags, the cells' classes."""
-    limit, tags, classes = look
+    """The top view and the heatmap over it; ``look``: the colours' limit (m), the rasters' tags, what is hatched."""
+    limit, tags, unseen = look
     stage = run.stage
     view = picture
     if not isinstance(view, top_view.TopView):
         view = top_view.top_view(view, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
     geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
     shown = Laid(change.dz, change.layout), change.significant, change.level
-    heatmap = make_heatmap(*shown, change.grid, view, parameters, limit=limit)
-    heatmap = replace(heatmap, unseen=Unseen(np.isin(classes, NOT_SEEN), change.grid))
+    heatmap = replace(make_heatmap(*shown, change.grid, view, parameters, limit=limit), unseen=unseen)
     names = context.first.name, context.second.name
     write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names, progress=run.progress)
     geotiff.write_rgba(stage.path("heatmap.tif"), heatmap.rgba, heatmap.grid, context.crs, tags=tags)
@@ -356,17 +357,6 @@ def _write_rasters(
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs | _write_surfaces(change, context, tags, stage)
-
-
-def _write_seen(of_slope: Seen, grid: Grid, context: Context, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
-    """Which cells were compared, and why the others were not; colours only for what occurs."""
-    path = stage.path(RASTER)
-    present = [one for one in LABELS if of_slope.area(one)]
-    looks = {one: (LABELS[one], palette.SEEN[one]) for one in LABELS}
-    words = "Cells of the slope that were compared, and why others were not"
-    geotiff.write_classes(path, of_slope.classes, grid, context.crs, looks, description=words, tags=tags)
-    qgis_styles.write_qml_next_to(path, qgis_styles.seen_qml(present))
-    return {"seen": stage.final(path.name)}
 
 
 def _write_surfaces(change: Change, context: Context, tags: dict[str, str], stage: Stage) -> dict[str, Path]:

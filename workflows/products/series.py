@@ -10,10 +10,9 @@ from typing import Any
 import geopandas as gpd
 import numpy as np
 
-from ...engine.change.coverage import not_compared
+from ...engine.change.coverage import seen
 from ...engine.change.result import Change
 from ...engine.core.arrays import Float
-from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import Stage
 from ...engine.core.version import VERSION
 from ...engine.grid import geotiff
@@ -37,9 +36,11 @@ from ...engine.statistics.normal import Z95
 from ...engine.vector import geopackage
 from ...engine.vector.review_fields import is_located, own_columns
 from ...engine.zones.change_zones import change_zones
+from ...engine.zones.not_seen import not_seen_frame
 from ..run import Run
 from .classes import Compared, write_class_budgets
 from .masked_raster import Legend, write_masked_raster
+from .seen import write_seen
 
 SERIES_OUTPUTS = (
     "velocity.tif",
@@ -56,32 +57,25 @@ SERIES_OUTPUTS = (
 )
 
 
-def raster_names(kind: str, begin: date, end: date) -> tuple[str, str]:
-    """Files of the change and of its level of detection; ``kind`` is cumulative or incremental."""
+def raster_names(kind: str, begin: date, end: date) -> tuple[str, ...]:
+    """Files of the change, of its level of detection and of what was seen; ``kind`` is cumulative or incremental."""
     span = f"{begin.isoformat()}_{end.isoformat()}"
-    return f"{kind}/elevation_change_{span}.tif", f"{kind}/level_of_detection_{span}.tif"
+    return tuple(f"{kind}/{name}_{span}.tif" for name in ("elevation_change", "level_of_detection", "seen"))
 
 
-def write_epoch_rasters(
-    kind: str,
-    changes: Sequence[Change],
-    about: About,
-    hashes: Sequence[str],
-    stage: Stage,
-    progress: Progress,
-) -> dict[str, Path]:
-    """The change and its level of each survey from the second on, against the first or the one before.
+def write_epoch_rasters(run: Run, kind: str, changes: Sequence[Change], about: About, hashes: Sequence[str]) -> None:
+    """The change, its level and what was seen of each survey from the second on, against the first or the one before.
 
-    All of a kind have one colour range. Each is shown by the temporal controller from the day after the survey
-    before until the day of its own survey.
+    The record gets the shares of what was seen. All of a kind have one colour range. Each is shown by the temporal
+    controller from the day after the survey before until the day of its own survey.
     """
     moved = np.concatenate([c.dz[c.significant] for c in changes])
     level = float(np.median([c.median_level for c in changes]))
     limit = palette.colour_limit(moved, level=level)
     highest = max(float(np.nanpercentile(c.level, 98)) for c in changes)
-    outputs = {}
+    stage, shares = run.stage, run.facts.setdefault("seen_of_pairs", {})
     for number, change in enumerate(changes, 1):
-        progress.update((number - 1) / len(changes), f"writing {kind} rasters")
+        run.progress.update((number - 1) / len(changes), f"writing {kind} rasters")
         end, before = about.dates[number], about.dates[number - 1]
         begin = about.dates[0] if kind == "cumulative" else before
         tags = geotiff.raster_tags(
@@ -90,7 +84,7 @@ def write_epoch_rasters(
             software=f"SlopeWatch {VERSION}",
             input_sha256=f"{hashes[0] if kind == 'cumulative' else hashes[number - 1]} {hashes[number]}",
         )
-        change_name, level_name = raster_names(kind, begin, end)
+        change_name, level_name, seen_name = raster_names(kind, begin, end)
         span = f"{begin.isoformat()} to {end.isoformat()}"
         legend = Legend(f"Elevation change, {span}", limit, shown=(before, end))
         place = about.grid, about.crs
@@ -99,9 +93,11 @@ def write_epoch_rasters(
         path, words = stage.path(level_name), f"Level of detection, {change.confidence:.4g} confidence, {span}"
         geotiff.write_raster(path, change.level, *place, description=words, tags=tags)
         qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(highest, shown=(before, end)))
-        outputs[f"{kind}_change_{number:03d}"] = stage.final(change_name)
-        outputs[f"{kind}_level_{number:03d}"] = stage.final(level_name)
-    return outputs
+        of_slope = seen(change)
+        write_seen(stage.path(seen_name), of_slope, *place, tags, shown=(before, end))
+        shares[span] = of_slope.shares()
+        for what, name in (("change", change_name), ("level", level_name), ("seen", seen_name)):
+            run.outputs[f"{kind}_{what}_{number:03d}"] = stage.final(name)
 
 
 def write_summary_rasters(
@@ -169,18 +165,21 @@ def write_tables(
         table = run.reviews.carried_to(table, "series.gpkg", ZONE_FIELDS, persistent_ids=True)
     table = run.related.placed(table, run.progress)
     series = series_frame(zones, about)
+    of_slope = seen(last)
+    not_seen = not_seen_frame(of_slope, about.grid, about.crs)
     style = qgis_styles.series_zones_qml(alerts, located=is_located(table))
     geopackage.write_layers(
         stage.path("series.gpkg"),
         [
             geopackage.Layer(table, "zones", style, "MultiPolygon", own_columns(table, ZONE_FIELDS), guarded=True),
             geopackage.Layer(series, "series", qgis_styles.states_qml(), "MultiPolygon", guarded=True),
+            geopackage.Layer(not_seen, "not_seen", qgis_styles.not_seen_qml(), "MultiPolygon", guarded=True),
         ],
         stamp=about.dates[-1],
     )
     stage.path("series.csv").write_text(series_csv(series), encoding="utf-8")
     stage.path("alerts_used.csv").write_text(alerts_csv(alerts), encoding="utf-8")
-    write_series_picture(stage.path("series.png"), zones, velocity, about, footer, not_compared(last))
+    write_series_picture(stage.path("series.png"), zones, velocity, about, footer, of_slope.unseen)
     names = {"series_zones": "series.gpkg", "series_table": "series.csv", "series_picture": "series.png"}
     run.outputs |= {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}
     return table, series
@@ -213,14 +212,14 @@ def series_figures(
     table: gpd.GeoDataFrame, cumulative: Sequence[Change], incremental: Sequence[Change], about: About
 ) -> dict[str, Any]:
     """The figures that a user reads first; lengths in metres, rates in millimetres a day."""
-    _, seen = detectable_rates(incremental, about.dates)
+    _, detectable = detectable_rates(incremental, about.dates)
     by_heights = table[table["found_by"] != FOUND_BY[1]]
     rates = by_heights["rate_mm_day"].abs()
     return {
         "epoch_count": len(about.dates),
         "days": (about.dates[-1] - about.dates[0]).days,
         "lod_median_m": cumulative[-1].median_level,
-        "detectable_rate_mm_day": float(np.median(seen)),
+        "detectable_rate_mm_day": float(np.median(detectable)),
         "zone_count": len(table),
         "confirmed_zone_count": int((table["n_epochs_confirmed"] >= 2).sum()),
         "highest_alert": int(table["alert_level"].max()) if len(table) else 0,

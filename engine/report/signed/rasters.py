@@ -148,7 +148,8 @@ def _series_surface(record: Mapping[str, Any], folder: Path) -> Surface | None:
     limit = colour_limit(dz[significant], level=float(np.median(known)) if known.size else 0.1)
     nothing = np.full_like(dz, np.nan)
     layers = Layers(rasters.grid, nothing, nothing, dz, level, significant, rasters.layout)
-    return Surface(layers, limit, heights=False)
+    seen = inside(folder, record["outputs"].get(f"cumulative_seen_{number:03d}", ""))
+    return Surface(layers, limit, heights=False, unseen=None if seen is None else read_unseen(seen))
 
 
 def _dense(layers: Layers, values: NDArray[np.floating], window: tuple[slice, slice]) -> NDArray[np.float64]:

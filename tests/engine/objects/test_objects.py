@@ -83,6 +83,25 @@ def test_a_wall_that_was_removed():
     assert row["height_m"] == pytest.approx(1.2, abs=0.1)
 
 
+def test_a_wall_with_few_returns_is_one_wall():
+    tops = box(12.0, 12.0, 0.5, 9.0, 1.2)
+    tables = [found(bare(1, 4.0), solid(bare(seed, 4.0), tops)) for seed in range(10, 20)]
+    walls = [table for table in tables if table["kind"].tolist() == ["wall"]]
+    assert len(walls) >= 8
+    # 18 returns on it: the outermost lie half a metre from the ends
+    assert np.median([float(table["length_m"].iloc[0]) for table in walls]) == pytest.approx(9.0, abs=1.0)
+
+
+def test_low_vegetation_below_a_boulder_is_no_part_of_it():
+    first = bare(1)
+    random = np.random.default_rng(3)
+    grass = np.where(random.random(len(first)) < 0.8, random.uniform(0.18, 0.26, len(first)), 0.0)
+    first = replace(first, xyz=first.xyz + grass[:, None] * [0.0, 0.0, 1.0], ground=grass == 0.0)
+    (row,) = found(first, solid(bare(2), boulder(10.0, 12.0, 2.4))).to_dict("records")
+    assert row["kind"] == "boulder"
+    assert row["confidence"] > 0.99999
+
+
 def test_a_car_is_no_boulder():
     (row,) = found(bare(1), solid(bare(2), box(12.0, 12.0, 4.4, 1.8, 1.5))).to_dict("records")
     assert row["kind"] == "vehicle or heap"

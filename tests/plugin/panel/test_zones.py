@@ -55,9 +55,11 @@ def test_a_run_is_loaded_once_and_what_is_no_run_is_refused(
 ) -> None:
     first, second = panel.load_run(pair_run), panel.load_run(pair_run)
     assert [layer.id() for layer in first] == [layer.id() for layer in second]
-    assert len(QgsProject.instance().mapLayers()) == 1
     root = QgsProject.instance().layerTreeRoot()
-    assert [node.itemVisibilityChecked() for node in root.findLayers()] == [True]
+    zones, unseen = (node.layer() for node in root.findLayers())
+    assert zones.id() == first[0].id(), "above what is hatched"
+    assert [part.layerType() for part in unseen.renderer().symbol().symbolLayers()] == ["SimpleFill", "LinePatternFill"]
+    assert [node.itemVisibilityChecked() for node in root.findLayers()] == [True, True]
     assert panel.load_run(tmp_path) == []
     assert "holds no zones of a run" in warnings[0]
 
