@@ -28,6 +28,7 @@ from ..engine.core.arrays import Bool, Float
 from ..interface.parameters import SurveyParameters
 from ..simulation.surveys.survey import simulate_pair
 from .ground_clouds import VENDORS_GROUND
+from .open_places import offset_of_open_places
 from .patches import Patch, placed, total_rise
 from .real_data import DATA
 from .table import Row, say
@@ -125,8 +126,8 @@ class Outcome:
     """Of one run: zones that touch no patch, of each patch whether it was found; shares of the cells.
 
     ``beyond``: compared cells without change beyond the level, ``unreported``: compared cells whose true change exceeds
-    the level and that no zone holds. ``stated`` is the registration error, ``shifted`` how far ground was
-    moved (rms), m.
+    the level and that no zone holds. ``stated`` is the registration error, ``off`` the height of the later survey over
+    the earlier one after it, with its standard error and the number of open places that show it, m.
     """
 
     false: int
@@ -136,14 +137,14 @@ class Outcome:
     compared: float
     level: float
     stated: float
-    shifted: float
+    off: tuple[float, float, int]
     seconds: float
 
     def text(self) -> str:
         return (
             f"false zones {self.false}; beyond {self.beyond:.1%}, unreported {self.unreported:.1%}, compared "
-            f"{self.compared:.0%}, level {self.level:.3f} m, registration stated {self.stated:.4f}, shifted "
-            f"{self.shifted:.4f} m; {self.seconds:.0f} s"
+            f"{self.compared:.0%}, level {self.level:.3f} m, registration stated {self.stated:.4f} m, off "
+            f"{self.off[0]:+.4f} +- {self.off[1]:.4f} m at {self.off[2]} open places; {self.seconds:.0f} s"
         )
 
 
@@ -191,7 +192,7 @@ def _runs(name: str, seeds: Sequence[int]) -> Iterator[tuple[list[Patch], Outcom
         patches = placed(SIZES, grounds, np.random.default_rng([seed, 33]), GAP_M, slope) if seed else []
         with tempfile.TemporaryDirectory() as folder:
             paths = _written((first, second.changed(patches)), slope, crs, Path(folder))
-            outcome = _outcome(paths, second, patches, slope.area)
+            outcome = _outcome(paths, (first.xyz, second.xyz), patches, slope.area)
         hits = ", ".join(
             f"{p.height:+g} x {2 * p.radius:g} {'yes' if found else 'no'}"
             for p, found in zip(patches, outcome.found, strict=True)
@@ -214,8 +215,8 @@ def _written(surveys: Sequence[Survey], slope: shapely.Polygon, crs: int, folder
     return paths
 
 
-def _outcome(paths: Paths, second: Survey, patches: Sequence[Patch], area: float) -> Outcome:
-    """``second``: as it was before the change; ``area`` of the slope, m²."""
+def _outcome(paths: Paths, surveys: tuple[Float, Float], patches: Sequence[Patch], area: float) -> Outcome:
+    """``surveys``: points (n, 3) of both as they were before the change; ``area`` of the slope, m²."""
     started = time.monotonic()
     dates = f"2024-05-01={paths.first}", f"2024-06-01={paths.second}"
     arguments = ["--epoch", dates[0], "--epoch", dates[1], "--roi", str(paths.roi)]
@@ -242,7 +243,7 @@ def _outcome(paths: Paths, second: Survey, patches: Sequence[Patch], area: float
         compared=float(compared.sum() * transform.a**2 / area),
         level=float(np.nanmedian(level[compared])),
         stated=float(record["registration"]["registration_error_m"]),
-        shifted=_shifted(paths.results, second.xyz[second.ground] if second.ground.any() else second.xyz),
+        off=offset_of_open_places(surveys[0], _registered(paths.results, surveys[1])),
         seconds=seconds,
     )
 
@@ -266,10 +267,9 @@ def _found(patch: Patch, middles: Float, sign: Float) -> bool:
     return bool((sign[there] == np.sign(patch.height)).mean() >= FOUND_SHARE)
 
 
-def _shifted(results: Path, ground: Float) -> float:
+def _registered(results: Path, xyz: Float) -> Float:
     matrix = np.array(json.loads((results / "transform.json").read_text(encoding="utf-8"))["matrix"])
-    moved = ground @ (matrix[:3, :3] - np.eye(3)).T + matrix[:3, 3]
-    return float(np.sqrt((moved**2).sum(axis=1).mean()))
+    return np.asarray(xyz @ matrix[:3, :3].T + matrix[:3, 3])
 
 
 def _part(las: laspy.LasData, sources: tuple[int, ...], middle: Float, side: float) -> Survey:
