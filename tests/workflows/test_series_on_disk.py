@@ -80,7 +80,7 @@ def test_the_same_files_as_in_memory(clouds, tmp_path, on_disk, monkeypatch, bou
     monitor_series(clouds, tmp_path / "stored", ready, roi=roi)
     assert not read
     names = {p.relative_to(tmp_path / "held") for p in (tmp_path / "held").rglob("*") if p.is_file()}
-    assert len([name for name in names if name.suffix == ".tif"]) == 11
+    assert len([name for name in names if name.suffix == ".tif"]) == 15
     for name in names - {Path("run.json"), Path("report.html")}:  # these tell when they were made
         assert (tmp_path / "held" / name).read_bytes() == (tmp_path / "stored" / name).read_bytes(), name
     left = {p.relative_to(tmp_path / "stored") for p in (tmp_path / "stored").rglob("*") if p.is_file()}
