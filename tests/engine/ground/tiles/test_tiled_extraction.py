@@ -80,7 +80,7 @@ def test_what_is_decided_and_counted_is_that_in_one_piece(in_one_piece, in_tiles
     assert (other.spacing, other.roi_area) == pytest.approx((one.spacing, one.roi_area), rel=0.02)
     assert other.vegetation_cover == pytest.approx(one.vegetation_cover, abs=0.005)
     assert other.cover.area_m2 == pytest.approx(one.cover.area_m2, rel=1e-9)
-    assert sum(other.cover.heights.returns) == pytest.approx(sum(one.cover.heights.returns), rel=0.002)
+    assert sum(other.cover.heights.returns) == pytest.approx(sum(one.cover.heights.returns), rel=0.004)
     for a, b in zip(one.cover.classes, other.cover.classes, strict=True):
         assert b.area_share == pytest.approx(a.area_share, abs=0.01)
     assert [w.split("'")[-1][:40] for w in other.warnings] == [w.split("'")[-1][:40] for w in one.warnings]
