@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import GridChangeParameters, ZoneParameters
 from ...interface.rates import rate_unit
+from ...interface.rounding import significant_decimals
 from ..change.result import Change
 from ..core.progress import Progress
 from ..grid.grid import Grid
@@ -167,7 +168,7 @@ def limits_of(analysis: Analysis, dates: tuple[date, ...], along: str | None = N
     low, high = min(rates), max(rates)
     apart = f"{min(steps)}" if min(steps) == max(steps) else f"{min(steps)} to {max(steps)}"
     unit = rate_unit(rates)
-    first, last = f"{unit.days * low:.2g}", f"{unit.days * high:.2g}"
+    first, last = (f"{rate:.{significant_decimals(rate)}f}" for rate in (unit.days * low, unit.days * high))
     span = first if first == last else f"{first} to {last}"
     seen = (
         f"Between two of these surveys, {apart} days apart, a cell must move by {span} {unit.name} to "

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from slopewatch.engine.series import analysis
 from slopewatch.engine.series import level_history as levels
 from slopewatch.engine.series.alerts import read_alerts
 from slopewatch.engine.series.level_history import Displacements, level_history
@@ -62,3 +65,10 @@ def test_intervals_hold_the_true_velocity_with_daily_surveys():
         found = zone_velocity(*visits(days, change - change[0], np.full(len(days), SIGMA_M**2)))
         held.append(found.low <= -0.001 <= found.high)
     assert np.mean(held) >= 0.93
+
+
+def test_the_limits_of_a_fast_series_are_plain_numbers(monkeypatch):
+    # 0.9 and 4 mm a day are 27.4 and 121.75 mm a month of 30.4375 days
+    monkeypatch.setattr(analysis, "detectable_rates", lambda *_: ([9, 30], [0.9, 4.0]))
+    seen, _ = analysis.limits_of(SimpleNamespace(incremental=[]), ())
+    assert "9 to 30 days apart, a cell must move by 27 to 122 mm/month to be seen" in seen
