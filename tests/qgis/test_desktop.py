@@ -74,7 +74,7 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     layers = {name: layer for name, layer in loaded.items() if name not in MOTION_LAYERS}
     assert list(layers) == [
         "Objects above the ground", "Hazard zones", "Screened zones", "Footprints of the volumes", "Unsure change",
-        "Significant change (m)", "Seen and not seen", "Elevation change (m)", "Top view",
+        "Not seen", "Significant change (m)", "Seen and not seen", "Elevation change (m)", "Top view",
         "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
     ]  # fmt: skip
     assert {name: layer["renderer"] for name, layer in layers.items()} == {
@@ -83,6 +83,7 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
         "Screened zones": "categorizedSymbol",
         "Footprints of the volumes": "categorizedSymbol",
         "Unsure change": "categorizedSymbol",
+        "Not seen": "singleSymbol",
         "Significant change (m)": "singlebandpseudocolor",
         "Seen and not seen": "paletted",
         "Elevation change (m)": "singlebandpseudocolor",
@@ -93,7 +94,7 @@ def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     shown = {name for name, layer in layers.items() if layer["visible"]}
     # what is within its error is not coloured
     assert shown == {
-        "Objects above the ground", "Hazard zones", "Significant change (m)", "Seen and not seen", "Top view",
+        "Objects above the ground", "Hazard zones", "Not seen", "Significant change (m)", "Top view",
     }  # fmt: skip
     for layer in layers.values():
         assert layer["valid"]

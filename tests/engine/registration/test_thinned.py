@@ -42,7 +42,8 @@ def test_real_halves_as_with_all_points(halves):
     assert whole.registered_points is None
     assert "registered_points" not in whole.summary()
     assert max(found.registered_points) <= most
-    assert found.registration_error < 2.0 * whole.registration_error
+    # a quarter of the points, of which bare ground has its own scatter
+    assert found.registration_error < 3.0 * whole.registration_error
     for other in (whole.transform, truth):
         away = (found.transform.apply(moving) - other.apply(moving))[:, 2]
         assert np.sqrt(np.mean(away**2)) < found.registration_error
@@ -61,7 +62,8 @@ def test_slope_with_plants_as_with_all_points():
     for other in (whole.transform, truth):
         away = found.transform.apply(moving) - other.apply(moving)
         assert np.sqrt(np.mean((away[:, 2] - away[:, :2] @ rise) ** 2)) < found.registration_error
-    assert found.registration_error < 2.0 * whole.registration_error
+    # a quarter of the points, of which bare ground has its own scatter
+    assert found.registration_error < 3.0 * whole.registration_error
     assert found.plants is not None
 
 
