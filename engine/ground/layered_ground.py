@@ -280,10 +280,12 @@ def _judged(points: Float, windows: Windows) -> Float:
         about = np.abs(height) <= TRIANGLE_REACH * windows.threshold
         ground = (np.abs(points[:, 2]) <= windows.threshold) & (about | ~np.isfinite(height))
     ground &= ~(error > MAX_PLANT_ERROR_M)
-    if windows.single:
-        ground = np.abs(points[:, 2]) <= windows.threshold
     unknown = ~np.isfinite(height) | (error > MAX_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
+    if windows.single:
+        # all so near the triangles are taken, alike whether they are ground or plants
+        ground = np.abs(points[:, 2]) <= windows.threshold
+        height[ground], error[ground] = (points[:, 2] / stretch)[ground], windows.threshold / math.sqrt(3.0)
     return np.column_stack([height * stretch, ground, bare, error, np.maximum(each(layers.median), 0.0)])
 
 

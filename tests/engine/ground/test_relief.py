@@ -59,9 +59,13 @@ def test_single_returns_of_rough_ground_are_ground_and_what_stands_on_it_is_not(
     bush = rng.random(len(xy)) < 0.3
     over = rng.normal(0.0, 0.15, len(xy)) + np.where(bush, rng.uniform(1.5, 3.0, len(xy)), 0.0)
     every = np.ones(len(xy), dtype=bool)
-    found = layered_ground(np.column_stack([xy, over]), every, every, 0.05).ground
+    result = layered_ground(np.column_stack([xy, over]), every, every, 0.05)
+    found = result.ground
     assert found[~bush].mean() > 0.9
     assert found[bush].mean() < 0.1
+    # the stated error is that of heights which are taken alike within the threshold, and covers the roughness
+    assert result.plant_error[found] == pytest.approx(result.threshold / np.sqrt(3.0))
+    assert result.plant_error[found].min() > over[~bush].std()
 
 
 def test_dense_clouds_have_no_outline(places):
