@@ -13,6 +13,9 @@ from .point_to_plane import Pairs
 
 _FOLDS = 16
 MIN_STANDARD_ERRORS = 5.0  # standard errors by which a curvature must stand above zero
+# The same if its error is that of relief in few places. Noise alone makes gradients that change over 0.33 spacings or
+# more (282 directions of planes and waves, 8 clouds); a curvature whose error is larger than that has relief.
+_MIN_ERRORS_OF_RELIEF, _NOISE_LENGTH_RATIO = 3.0, 0.6  # the length: of ``largest_sd``, which is half a spacing
 MIN_CURVATURE_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
 _SHIFT_PER_TURN = 10.0  # surveys turn by some hundredths of a degree, a few mm at 10 m, but are offset by centimetres
 _MIN_DIP_SINE = 0.02  # least sine of the dip with which a surface has a strike
@@ -142,9 +145,9 @@ def probing_motions(jacobian: Float, weight: Float, least: float, largest: float
 def unknown_motion(offset: float) -> Float:
     """Covariance (6, 6) of a motion of which only the largest expected ``offset`` is known, square metres.
 
-    Shifts are uniform up to the offset. Turns are a tenth of them (``_SHIFT_PER_TURN``).
+    Shifts are uniform up to the offset, and so is what a turn moves at the typical distance of the points.
     """
-    return np.asarray(offset**2 / 3.0 * np.diag([_SHIFT_PER_TURN**-2] * 3 + [1.0] * 3))
+    return np.asarray(offset**2 / 3.0 * np.eye(6))
 
 
 def information(
@@ -167,10 +170,10 @@ def information(
     error = np.sqrt(_FOLDS * pieces.var(axis=0, ddof=1))
     scatter = np.stack([np.bincount(blocks, terms[:, i]) for i in range(terms.shape[1])], axis=1)
     along = scatter @ directions
-    observable = (curvature > MIN_STANDARD_ERRORS * error) & (curvature > MIN_CURVATURE_RATIO * curvature[-1])
-    safe = np.where(observable, curvature, 1.0) * len(terms)
-    inverse = np.where(observable, 1.0 / safe, 0.0)
     scattered = along.T @ along
+    observable = _clear(curvature, error, np.sqrt(np.diag(scattered)) / len(terms), largest_sd)
+    safe = np.where(observable, curvature, 1.0) * len(terms)
+    inverse = np.where(observable, _unsureness(curvature, error) / safe, 0.0)
     inner = inverse[:, None] * scattered * inverse
     observable &= np.sqrt(np.diag(inner)) <= largest_sd
     inner[~observable] = 0.0
@@ -179,6 +182,27 @@ def information(
     whole = np.maximum(curvature, 1e-12 * curvature[-1]) * len(terms)
     likely = np.hypot(along.sum(axis=0), np.sqrt(np.diag(scattered))) / whole
     return Information(curvature, directions, observable, directions @ inner @ directions.T, likely)
+
+
+def _clear(curvature: Float, error: Float, gradient: Float, largest_sd: float) -> NDArray[np.bool_]:
+    """Which curvatures (6,) stand above their standard ``error``.
+
+    Args:
+        gradient: (6,) standard error of the mean gradient along each direction.
+        largest_sd: half a spacing of the points, metres.
+    """
+    relief = error * _NOISE_LENGTH_RATIO * largest_sd > gradient
+    least = np.where(relief, _MIN_ERRORS_OF_RELIEF, MIN_STANDARD_ERRORS)
+    return (curvature > least * error) & (curvature > MIN_CURVATURE_RATIO * curvature[-1])
+
+
+def _unsureness(curvature: Float, error: Float) -> Float:
+    """Factor (6,) of the standard deviations of directions whose curvature is uncertain itself.
+
+    The curvature may be smaller by two of its errors. Above ``MIN_STANDARD_ERRORS`` the factor is 1.
+    """
+    ratio = curvature / np.maximum(error, 1e-300)
+    return np.maximum((MIN_STANDARD_ERRORS - 2.0) / np.maximum(ratio - 2.0, 0.5), 1.0)
 
 
 def name_unobservable(found: Information, normal: Float) -> tuple[str, ...]:

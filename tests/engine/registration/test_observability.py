@@ -114,9 +114,9 @@ def test_a_slide_that_nothing_fixes_is_taken_out_whole():
     assert np.array_equal(Information(np.ones(6), np.eye(6), np.ones(6, bool), np.eye(6)).held(motion), motion)
 
 
-def test_what_is_known_of_a_motion_before_is_a_shift_with_little_turning():
-    """Uniform up to 1.2 m: a variance of 1.2² / 3; a turn moves the typical point by a tenth of that."""
-    assert np.diag(unknown_motion(1.2)) == pytest.approx([0.0048] * 3 + [0.48] * 3)
+def test_what_is_known_of_a_motion_before_is_how_far_it_takes_points():
+    """Uniform up to 1.2 m: a variance of 1.2² / 3; a turn may move the typical point as far."""
+    assert np.diag(unknown_motion(1.2)) == pytest.approx([0.48] * 6)
 
 
 @pytest.mark.parametrize("gradient", [0.02, 9.0])
@@ -131,3 +131,24 @@ def test_a_free_motion_is_no_farther_than_the_residuals_say(gradient):
     assert list(found.observable) == [False] + [True] * 5
     scatter = np.hypot(gradient / 2 - 0.05, gradient / 2 + 0.05)
     assert relief_sd(found) == pytest.approx(np.sqrt(0.01) * min(np.hypot(gradient, scatter) / 0.1, 1.0))
+
+
+def folds_of_curvature(last: float, error: float) -> np.ndarray:
+    """Folds of unit curvatures but for the ``last`` one, whose standard error is ``error``."""
+    folds = np.tile(np.eye(6) / 16.0, (16, 1, 1))
+    folds[:, 5, 5] = (last + error * np.sqrt(15.0) * np.tile([-1.0, 1.0], 8)) / 16.0
+    return folds
+
+
+@pytest.mark.parametrize(("gradient", "fixed"), [(0.001, True), (0.004, False)])
+def test_a_curvature_by_relief_in_few_places_fixes_a_direction(gradient, fixed):
+    """It stands 3.9 errors above zero. Noise alone, of points 0.2 m apart, would make a gradient of 0.0015."""
+    terms = np.zeros((1000, 6))
+    terms[:, 5] = np.tile([1.0, -1.0], 500) * gradient * np.sqrt(1000)
+    known = information(folds_of_curvature(0.1, 0.0256), terms, np.arange(1000), 0.1, unknown_motion(1.0))
+    assert bool(known.observable.all()) is fixed
+    sure = information(folds_of_curvature(0.1, 0.01), terms, np.arange(1000), 0.1, unknown_motion(1.0))
+    if fixed:  # of an uncertain curvature the error is larger
+        weak = [np.sqrt(one.covariance[5, 5]) for one in (known, sure)]
+        assert weak[1] == pytest.approx(0.01, rel=0.02)
+        assert weak[0] == pytest.approx(0.01 * 3 / (0.1 / 0.0256 - 2), rel=0.02)
