@@ -72,7 +72,7 @@ def register(
     if solution.alignment is not None and matcher.knows_plants:
         with progress.stage(0.82, 0.88):
             found = _with_plants(found, solution.alignment, matcher, parameters, stable is not None, progress)
-    if parameters.method == "robust" and stable is None:
+    if solution.alignment is not None and stable is None:
         with progress.stage(0.88, 0.95):
             found = on_what_stayed(found, solution.alignment, matcher, parameters, progress)
     solution = found.solution

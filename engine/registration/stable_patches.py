@@ -17,11 +17,12 @@ from scipy.spatial import cKDTree
 from ..core.arrays import Bool, Float
 from ..geometry.pose import Pose
 from .observability import Information
-from .part_information import CORRELATED, contradicting, part_information
+from .part_information import contradicting, part_information
+from .patch_agreement import FINAL_POINTS, left_behind, levels
 from .point_to_plane import Matcher
-from .surface_patches import Equations, Patches, cut, equations
+from .surface_patches import Equations, Patches, equations
 
-_SEARCH_POINTS, _FINAL_POINTS = 15, 60  # points of a patch that are paired, while looking for parts and in the end
+_SEARCH_POINTS = 15  # points of a patch that are paired while looking for parts
 _MAX_WEAK_CURVATURE_RATIO = 0.1  # of the largest curvature: what walls and steps fix on level ground
 _MIN_WEAK_SINE_SQUARED = 0.2  # squared sine from which a patch constrains a weak direction
 _SURROUNDINGS_WIDTHS = 2.0  # widths
@@ -36,14 +37,11 @@ _MAX_IMPROVEMENTS = 8
 _MAX_PASSES = 3
 _MIN_STEP_M = 1e-4  # metres
 _MIN_TRIED_AREA_RATIO = 0.5  # of the largest area: less does not become the largest when paired again
-_MIN_PAIRS = 12
 _MIN_OTHER_AREA_RATIO = 0.4  # of the largest part's area: another one so large is measured again
 _SHIFT_PER_TURN = 5.0  # surveys shift by so much more than they turn, at the typical distance of the points
-_MAX_STANDARD_ERRORS = 2.5
 # shares of the patches around that agree: none counts below the first, all from the second on
 _MIN_NEIGHBOUR_SHARE, _FULL_NEIGHBOUR_SHARE = 0.5, 0.8
 _MAX_JUDGED_TRIALS = 400  # trials that are looked at with the patches around
-_MIN_ERROR_M = 5e-4  # metres; no two surveys of a surface agree better
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class StablePart:
     Attributes:
         pose: that motion.
         agrees: (k,) which of the ``patches``.
-        share: their share of the area of all patches that could be compared.
+        share: their share of the area of all patches that could be compared or have moved out of reach.
         information: what the part fixes of the motion, in local coordinates.
         other: the largest part of all other patches that agrees on another motion; None without any.
     """
@@ -89,37 +87,40 @@ class _Found:
         return self.weight > 0
 
 
-def stable_part(matcher: Matcher, starts: tuple[Pose, ...], offset: float) -> StablePart | None:
+def stable_part(matcher: Matcher, patches: Patches, starts: tuple[Pose, ...], offset: float) -> StablePart | None:
     """The largest part of the moving surface that lies on the reference after one motion; None without any patch.
 
     Args:
-        starts: poses that are tried; from the first one, patches are compared up to ``offset`` metres apart.
+        patches: of the moving surface.
+        starts: poses that are tried. From the first one patches are compared up to ``offset`` metres apart, from
+            others that are far from it up to the width of a patch.
     """
-    patches, radius = cut(matcher.moving, 3 * matcher.noise, matcher.firm), matcher.radius
+    radius = matcher.radius
     if not len(patches):
         return None
     task = _Task(matcher, patches, offset)
     everywhere = np.ones(len(patches), dtype=bool)
-    system = equations(matcher, patches, starts[0], max(offset, 3 * matcher.spacing), _SEARCH_POINTS)
+    systems = _systems(matcher, patches, starts, offset)
 
     def settled(among: Bool, poses: list[Pose]) -> _Settled | None:
         found = (task.settled(among, pose, _SEARCH_POINTS) for pose in poses)
         return max(found, key=lambda one: one.area, default=None)
 
     def reached(among: Bool, most: int) -> list[Pose]:
-        found = task.search(system, among)[:most]
-        near = [one.motion for one in found if one.area >= _MIN_TRIED_AREA_RATIO * found[0].area]
-        return [starts[0].moved(motion, radius) for motion in near]
+        found = [(system.pose, one) for system in systems for one in task.search(system, among)[:most]]
+        largest = max((one.area for _, one in found), default=0.0)
+        near = [(base, one.motion) for base, one in found if one.area >= _MIN_TRIED_AREA_RATIO * largest]
+        return [base.moved(motion, radius) for base, motion in near]
 
     best = settled(everywhere, [*reached(everywhere, _MAX_PARTS), *starts[1:]])
     if best is None:
         return None
-    best = task.upright(task.settled(everywhere, best.pose, _FINAL_POINTS))
+    best = task.upright(task.settled(everywhere, best.pose, FINAL_POINTS))
     other = settled(~best.agrees, reached(~best.agrees, 2))
     if other is not None and other.area > _MIN_OTHER_AREA_RATIO * best.area:
         # what few points leave open counts as agreement, so that both are measured alike before they are compared
-        other = task.settled(~best.agrees, other.pose, _FINAL_POINTS, clear=False)
-    compared = best.usable if other is None else best.usable | other.usable
+        other = task.settled(~best.agrees, other.pose, FINAL_POINTS, clear=False)
+    compared = best.usable | best.left if other is None else best.usable | best.left | other.usable
     whole = max(float(patches.area[compared].sum()), 1e-9)
 
     def part(one: _Settled, rival: StablePart | None) -> StablePart:
@@ -130,33 +131,29 @@ def stable_part(matcher: Matcher, starts: tuple[Pose, ...], offset: float) -> St
     return part(best, None if other is None else part(other, None))
 
 
-def agreeing(matcher: Matcher, part: StablePart, pose: Pose) -> float:
-    """Share of a part's area whose patches agree with another pose too."""
-    system = equations(matcher, part.patches, pose, 3 * matcher.spacing, _FINAL_POINTS)
-    level, decisive = _levels(system, matcher.noise, 1.0)
-    usable = part.agrees & decisive
-    area = part.patches.area
-    return float(area[usable & (system.excess(np.zeros((1, 6)))[:, 0] < level)].sum() / max(area[usable].sum(), 1e-9))
+def _systems(matcher: Matcher, patches: Patches, starts: tuple[Pose, ...], offset: float) -> list[Equations]:
+    """Equations of the patches from which parts are looked for."""
+    found = [equations(matcher, patches, starts[0], max(offset, 3 * matcher.spacing), _SEARCH_POINTS)]
+    placed = starts[0].apply(patches.centre)
+    for pose in starts[1:]:
+        # what is paired farther apart than a patch is wide is paired by chance
+        if float(np.sqrt(np.mean(np.sum((pose.apply(patches.centre) - placed) ** 2, axis=1)))) > patches.width:
+            found.append(equations(matcher, patches, pose, patches.width, _SEARCH_POINTS))
+    return found
 
 
 @dataclass(frozen=True)
 class _Settled:
-    """A part, paired again where it lies: its ``area`` in square metres, and which patches could be compared."""
+    """A part, paired again where it lies: its ``area`` in square metres, and which patches could be compared or have
+    moved farther than that.
+    """
 
     pose: Pose
     agrees: Bool
     area: float
     usable: Bool
+    left: Bool
     information: Information
-
-
-def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Bool]:
-    """Squared distance (k,) from which a patch has moved, by its points' scatter; which patches are precise enough to
-    decide (k,).
-    """
-    error = 6 * system.rest * CORRELATED / np.maximum(system.pairs, 1)
-    decisive = (system.pairs >= _MIN_PAIRS) & (error < max(noise, 2 * _MIN_ERROR_M) ** 2)
-    return np.asarray(_MAX_STANDARD_ERRORS**2 * (error + (strict * max(noise / 4, _MIN_ERROR_M)) ** 2)), decisive
 
 
 @dataclass(frozen=True)
@@ -172,16 +169,16 @@ class _Task:
 
         Args:
             most: points of a patch that are paired.
-            clear: leave out of the motion the places that contradict the rest, once as many as ``_FINAL_POINTS`` are.
+            clear: leave out of the motion the places that contradict the rest, once as many as ``FINAL_POINTS`` are.
         """
         matcher, patches = self.matcher, self.patches
         for number in range(_MAX_PASSES):
             system = equations(matcher, patches, pose, 3 * matcher.spacing, most)
-            level, decisive = _levels(system, matcher.noise, 2.0 if number == 0 and most == _SEARCH_POINTS else 1.0)
+            level, decisive = levels(system, matcher.noise, 2.0 if number == 0 and most == _SEARCH_POINTS else 1.0)
             usable = among & decisive
             found = _improved(system, patches, usable, level, np.zeros(6), matcher.spacing)
             agrees = found.agrees
-            if most == _FINAL_POINTS and clear:
+            if most == FINAL_POINTS and clear:
                 odd = contradicting(system, patches, agrees, self.offset)
                 if odd.any():
                     found = _improved(system, patches, usable & ~odd, level, np.zeros(6), matcher.spacing)
@@ -193,7 +190,8 @@ class _Task:
             pose = pose.moved(known.held(found.motion), matcher.radius)
             if number and float(np.linalg.norm(found.motion)) < _MIN_STEP_M:
                 break
-        return _Settled(pose, agrees, float(patches.area[agrees].sum()), usable, known)
+        left = left_behind(matcher, patches, pose, system) if most == FINAL_POINTS else np.zeros_like(agrees)
+        return _Settled(pose, agrees, float(patches.area[agrees].sum()), usable, left, known)
 
     def upright(self, best: _Settled) -> _Settled:
         """``best`` where the few patches that fix its weak directions agree best; open where others contradict them.
@@ -208,7 +206,7 @@ class _Task:
             return best
         free = known.directions[:, weak]
         system = equations(matcher, patches, best.pose, offset, _SEARCH_POINTS)
-        level, decisive = _levels(system, matcher.noise, 2.0)
+        level, decisive = levels(system, matcher.noise, 2.0)
         sine_squared = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
         near = cKDTree(patches.centre).query_ball_point(patches.centre, _SURROUNDINGS_WIDTHS * patches.width)
         firm = decisive & (sine_squared < _MIN_WEAK_SINE_SQUARED)
@@ -232,7 +230,7 @@ class _Task:
         rival = float(area[apart].max(initial=0.0))
         if first and area[first] > 1.2 * area[0]:
             pose = best.pose.moved(motions[first], matcher.radius)
-            other = self.settled(np.ones(len(patches), dtype=bool), pose, _FINAL_POINTS)
+            other = self.settled(np.ones(len(patches), dtype=bool), pose, FINAL_POINTS)
             # what slides must leave the rest as it was
             best = other if other.area > 0.95 * best.area else best
         if rival <= _MAX_RIVAL_AREA_RATIO * area[first]:
@@ -249,7 +247,7 @@ class _Task:
     def search(self, system: Equations, among: Bool) -> list[_Found]:
         """Some motions on which large parts agree, the largest part first; each with patches that those before lack."""
         patches, offset = self.patches, self.offset
-        level, decisive = _levels(system, self.matcher.noise, 3.0)
+        level, decisive = levels(system, self.matcher.noise, 3.0)
         usable = among & decisive
         numbers = np.flatnonzero(usable)
         if not len(numbers):

@@ -7,10 +7,11 @@ import pytest
 from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.registration.observability import Information
 from slopewatch.engine.registration.part_information import contradicting
+from slopewatch.engine.registration.patch_agreement import FINAL_POINTS
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.register import register
 from slopewatch.engine.registration.rival_parts import difference, refusal, standing
-from slopewatch.engine.registration.stable_patches import _FINAL_POINTS, StablePart, _Task
+from slopewatch.engine.registration.stable_patches import StablePart, _Task
 from slopewatch.engine.registration.surface import Surface
 from slopewatch.engine.registration.surface_patches import Equations, Patches, cut, equations
 from slopewatch.interface.parameters import RegistrationParameters
@@ -128,7 +129,7 @@ def upright(shifts: tuple[float, ...], start: float) -> tuple[Pose, Information,
     found = cut(matcher.moving, 0.01)
     everywhere = np.ones(len(found), dtype=bool)
     task = _Task(matcher, found, 0.5)
-    settled = task.settled(everywhere, Pose(np.eye(3), np.array([start, 0, 0])), _FINAL_POINTS)
+    settled = task.settled(everywhere, Pose(np.eye(3), np.array([start, 0, 0])), FINAL_POINTS)
     assert settled.pose.translation[0] == pytest.approx(start, abs=0.02)
     best = task.upright(settled)
     return best.pose, best.information, settled.information
