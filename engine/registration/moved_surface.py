@@ -17,14 +17,15 @@ from .patch_agreement import PatchAgreement, patch_agreement
 from .patch_registration import OnPatches, align_on_patches
 from .point_to_plane import Matcher
 from .quality import Agreement
-from .rival_parts import difference, refusal
+from .rival_parts import Standing, difference, refusal
 from .surface_patches import cut
 
 
 _MIN_AGREEING_SHARE = 0.95  # of the patches, with which nothing of note moved: still surveys have 0.99
 _MIN_STILL_SHARE = 0.9  # of a part: the registration by all ground contradicts it below
 _MIN_CONTRADICTING_SHARE = 0.35  # of the patches: a smaller part may be chance on rough ground
-_MIN_SHARE_OF_ALL_GROUND = 0.75  # of the patches, with which a registration by all ground is kept
+_MIN_MAJORITY_SHARE = 0.5  # of the patches, without which a registration by all ground is not kept
+_MIN_SHARE_OF_ALL_GROUND = 0.75  # of the patches, with which it is kept though a part contradicts it
 _SIGNIFICANT = 12.6  # squared distance of two motions in units of their errors: 95 % of chi-square, six motions
 
 
@@ -53,12 +54,30 @@ def on_what_stayed(
     judged = on_patches.standing
     if judged.contested and not parameters.accept_unstable:
         raise InputError(refusal(judged))
+    _require_expected(judged, parameters)
     narrow = measured(of_alignment(on_patches.alignment), matcher, parameters, False, progress, patches=on_patches)
     if judged.contested:
         narrow = _covering(narrow, difference(judged, narrow.solution.radius))
-    elif not found.solution.left and _keeps(alignment, seen, on_patches):
-        return _covering_difference(found, alignment, on_patches.alignment)
+    elif not found.solution.left:
+        kept = _kept(found, alignment, seen, on_patches)
+        if kept is not None:
+            return kept
     return replace(narrow, ground=found.ground, bare=found.bare, offset=found.offset, judged=judged)
+
+
+def _require_expected(judged: Standing, parameters: RegistrationParameters) -> None:
+    """Raise InputError if a part that leaves much of the surface aside lies farther off than surveys are expected to.
+
+    Such a part may have moved, and the surveys may differ by less.
+    """
+    beyond = judged.offset > parameters.maximum_offset and judged.part.share < _MIN_SHARE_OF_ALL_GROUND
+    if beyond and not judged.contested and not parameters.accept_unstable:
+        raise InputError(
+            f"The largest part that agrees on one motion ({judged.part.share:.0%} of the surface) lies "
+            f"{judged.offset:.2f} m from where it was surveyed, more than the largest expected offset "
+            f"({parameters.maximum_offset:g} m), so that it may have moved; give an area known to be stable (--stable), "
+            "or raise --maximum-offset if the surveys can differ by so much."
+        )
 
 
 def _without_a_part(found: Measured, seen: PatchAgreement, parameters: RegistrationParameters) -> Measured:
@@ -72,25 +91,21 @@ def _without_a_part(found: Measured, seen: PatchAgreement, parameters: Registrat
     return found
 
 
-def _keeps(alignment: Alignment, seen: PatchAgreement, on_patches: OnPatches) -> bool:
-    """Whether the registration by all ground is kept, though a part of the patches is clearly stable.
+def _kept(found: Measured, alignment: Alignment, seen: PatchAgreement, on_patches: OnPatches) -> Measured | None:
+    """``found`` by all ground if it is kept, though a part of the patches is clearly stable; else None.
 
-    It is the more precise one where little moved. What the part fixes and all ground does not is not given away.
+    Two motions that differ by no more than their errors are one: the surer one is taken. Of others the one by all
+    ground is kept where little moved, with an error that covers both.
     """
-    part = on_patches.part
+    part, narrow = on_patches.part, on_patches.alignment
+    first, second = alignment.information, narrow.information
+    if seen.share < _MIN_MAJORITY_SHARE or second.observable.sum() > first.observable.sum():
+        return None
+    away = narrow.pose.vector(alignment.radius) - alignment.pose.vector(alignment.radius)
+    if float(away @ np.linalg.solve(first.covariance + second.covariance, away)) < _SIGNIFICANT:
+        return found if np.trace(first.covariance) <= np.trace(second.covariance) else None
     contradicted = part.share >= _MIN_CONTRADICTING_SHARE and seen.share_of(part.agrees) < _MIN_STILL_SHARE
-    fixed = np.count_nonzero(alignment.information.observable)
-    more = np.count_nonzero(on_patches.alignment.information.observable) > fixed
-    return seen.share >= _MIN_SHARE_OF_ALL_GROUND and not contradicted and not more
-
-
-def _covering_difference(found: Measured, alignment: Alignment, on_part: Alignment) -> Measured:
-    """``found``, and where the part asks for another motion than both errors explain an error that covers both."""
-    away = on_part.pose.vector(alignment.radius) - alignment.pose.vector(alignment.radius)
-    spread = alignment.information.covariance + on_part.information.covariance
-    if float(away @ np.linalg.solve(spread, away)) < _SIGNIFICANT:
-        return found
-    return _covering(found, away)
+    return _covering(found, away) if seen.share >= _MIN_SHARE_OF_ALL_GROUND and not contradicted else None
 
 
 def _covering(found: Measured, away: Float) -> Measured:

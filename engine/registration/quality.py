@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..core.errors import InputError
 from ..geometry.height_correction import HeightCorrection
 from ..geometry.pose import Pose
@@ -31,7 +32,8 @@ class Agreement:
 
     Attributes:
         scale: noise of a residual after registration.
-        stable_share: share of the overlap within three scales.
+        stable_share: share of the overlap within three scales. Points over the reference whose counterpart is out of
+            reach count to the overlap.
         overlap_share: share of the moving points that have a counterpart.
         nmad_before, nmad_after, rms_before, rms_after: of the stable points' residuals.
         misfit: spread over the surface of the stable ground's residual, noise taken out: what a rigid motion leaves.
@@ -79,7 +81,8 @@ def agreement(
     """
     reach = max(offset, 3 * matcher.spacing)
     sources = matcher.moving.sample(_SOURCES)
-    pairs = matcher.onto_reference(pose, matcher.moving.sample(_SOURCES, matcher.firm), reach, 0.5)
+    judged = matcher.moving.sample(_SOURCES, matcher.firm)
+    pairs = matcher.onto_reference(pose, judged, reach, 0.5)
     if len(pairs) < _MIN_PAIRS:
         raise InputError(
             f"Only {len(pairs)} points of the later epoch have a counterpart within {reach:g} m on the earlier one, "
@@ -101,7 +104,7 @@ def agreement(
     cosine = np.median(np.abs(normals[~steep][:, 2])) if (~steep).any() else 0.2
     return Agreement(
         scale=scale,
-        stable_share=float(stable.mean()),
+        stable_share=float(stable.sum() / (len(stable) + _out_of_reach(matcher, pose, judged, reach))),
         overlap_share=float(np.isfinite(distance).mean()),
         nmad_before=_nmad(before),
         nmad_after=_nmad(after),
@@ -116,6 +119,16 @@ def agreement(
         sample=pairs.place,
         agrees=stable,
     )
+
+
+def _out_of_reach(matcher: Matcher, pose: Pose, judged: Index, reach: float) -> int:
+    """How many of the moving points lie over the reference, but farther from it than ``reach``."""
+    far = judged[~np.isfinite(matcher.neighbours(pose, judged, reach)[0])]
+    if not len(far):
+        return 0
+    plan = cKDTree(matcher.reference.points[:, :2])
+    away = plan.query(pose.apply(matcher.moving.points[far])[:, :2], distance_upper_bound=3 * matcher.spacing)[0]
+    return int(np.count_nonzero(np.isfinite(away)))
 
 
 def widened(error: float, quality: Agreement, minimum_share: float) -> float:

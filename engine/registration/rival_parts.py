@@ -14,17 +14,16 @@ import numpy as np
 from ..core.arrays import Float
 from .stable_patches import StablePart
 
-_MIN_PART_SHARE = 0.15  # of the patches' area: by chance an eighth agrees with some motion where all moved apart
-_MIN_RIVAL_SHARE = 0.10  # by chance as much agrees outside of a part
-_MIN_MAJORITY_SHARE, _MIN_SURROUNDING_SHARE = 0.5, 0.2
-_MAX_RIVAL_RATIO = 0.7  # of the largest part: another one as large contradicts it
-_MAX_RIVAL_RATIO_OF_UNCLEAR_PART = 0.55  # the same of a part that is no majority and does not lie around the other
+_MIN_RIVAL_SHARE = 0.10  # of the patches' area: by chance as much agrees outside of a part
+_MIN_PART_SHARE = 0.20  # twice that
+_MIN_MAJORITY_SHARE = 0.5
+_MAX_RIVAL_RATIO = 0.7  # of a majority that lies around the other part: another one as large contradicts it
+_MAX_RIVAL_RATIO_OF_UNCLEAR_PART = 0.55  # the same of another part
 # of a smaller part: a block that moved may be larger than what stayed
 _MAX_SMALL_PART_SHARE, _MAX_RIVAL_RATIO_OF_SMALL_PART = 0.4, 0.4
 _MAX_COMPACTNESS_RATIO = 0.7  # of the other's compactness
 # Two surveys of 4 cm in height and 6.5 cm in plan each differ by less than 0.25 m in 95 % of pairs.
 _MAX_OFFSET_AS_SURVEYED_M, _MIN_OFFSET_ASTRAY_M = 0.25, 0.5  # metres
-_MIN_DOUBTED_RATIO = 0.3  # of the largest part
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def standing(part: StablePart) -> Standing:
         return Standing(part, known=False)
     other = part.other
     if other is None:
-        return Standing(part, known=True)
+        return Standing(part, known=True, offset=_offset(part))
     ratio = other.share / max(part.share, 1e-9)
     offset, other_offset = (_offset(one) for one in (part, other))
     found = Standing(
@@ -62,16 +61,10 @@ def standing(part: StablePart) -> Standing:
     )
     large = other.share >= _MIN_RIVAL_SHARE
     # a datum that is off by chance as far as a block moved back is less likely than a block that moved
-    doubted = (
-        large
-        and ratio > _MIN_DOUBTED_RATIO
-        and offset > _MIN_OFFSET_ASTRAY_M
-        and other_offset < _MAX_OFFSET_AS_SURVEYED_M
-    )
-    sure = part.share >= _MIN_MAJORITY_SHARE or (part.share >= _MIN_SURROUNDING_SHARE and _surrounds(part, other))
+    doubted = large and offset > _MIN_OFFSET_ASTRAY_M and other_offset < _MAX_OFFSET_AS_SURVEYED_M
     most = (
         _MAX_RIVAL_RATIO
-        if sure
+        if part.share >= _MIN_MAJORITY_SHARE and _surrounds(part, other)
         else _MAX_RIVAL_RATIO_OF_SMALL_PART
         if large and part.share < _MAX_SMALL_PART_SHARE
         else _MAX_RIVAL_RATIO_OF_UNCLEAR_PART
@@ -82,7 +75,7 @@ def standing(part: StablePart) -> Standing:
         return replace(found, known=False)
     if offset < _MAX_OFFSET_AS_SURVEYED_M and other_offset > _MIN_OFFSET_ASTRAY_M:
         return replace(found, by_position=True)
-    if ratio > _MAX_RIVAL_RATIO and doubted:
+    if ratio > _MAX_RIVAL_RATIO and doubted and other.share >= _MIN_PART_SHARE:
         swapped = replace(other, other=replace(part, other=None))
         return replace(found, part=swapped, by_position=True, offset=other_offset, other_offset=offset)
     return replace(found, known=False, contested=True)

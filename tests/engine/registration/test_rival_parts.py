@@ -44,10 +44,13 @@ WEST, EAST = PLACES[:, 0] < 8, PLACES[:, 0] > 12
         (0.60, 0.20, (WEST, EAST), True),
         (0.45, 0.36, (WEST, EAST), False),
         (0.40, 0.26, (WEST, EAST), False),  # no majority, two compact halves
-        (0.40, 0.26, (RING, BLOCK), True),  # the same around a block
+        (0.40, 0.26, (RING, BLOCK), False),  # the same around a block: no majority either
+        (0.55, 0.36, (RING, BLOCK), True),  # a majority around a block
+        (0.55, 0.36, (WEST, EAST), False),
         (0.45, 0.22, (WEST, EAST), True),
         (0.30, 0.15, (WEST, EAST), False),  # the larger may be a block that moved, where little stayed
-        (0.16, 0.08, (WEST, EAST), True),
+        (0.22, 0.08, (WEST, EAST), True),
+        (0.16, 0.08, (WEST, EAST), False),  # less than twice what agrees by chance
         (0.13, 0.02, (WEST, EAST), False),  # as much agrees by chance
     ],
 )
@@ -81,7 +84,8 @@ def test_two_like_parts_near_where_they_were_surveyed_are_refused_with_both_name
 
 def test_a_large_part_far_off_is_doubted_where_another_lies_as_surveyed():
     """As where most of a slope slid by 0.8 m as one."""
-    assert standing(part(0.60, 0.8, WEST, part(0.30, 0.05, EAST))).contested
+    for rival in (0.30, 0.12):
+        assert standing(part(0.60, 0.8, WEST, part(rival, 0.05, EAST))).contested
     assert standing(part(0.60, 0.8, WEST, part(0.30, 0.60, EAST))).known  # a datum that is off takes all along
 
 

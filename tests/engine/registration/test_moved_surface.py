@@ -1,0 +1,88 @@
+"""Where much of a surface moved: which registration is kept, what is refused, and that the error covers the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.geometry.pose import Pose
+from slopewatch.engine.pointcloud.reading import read_cloud
+from slopewatch.engine.registration.moved_surface import _require_expected
+from slopewatch.engine.registration.patch_agreement import patch_agreement
+from slopewatch.engine.registration.point_to_plane import Matcher
+from slopewatch.engine.registration.quality import agreement
+from slopewatch.engine.registration.register import register
+from slopewatch.engine.registration.rival_parts import standing
+from slopewatch.engine.registration.surface import Surface
+from slopewatch.engine.registration.surface_patches import cut
+from slopewatch.interface.parameters import InputParameters, RegistrationParameters
+
+from .test_rival_parts import EAST, WEST, part
+
+SIDE = 12.0
+
+
+def ground(seed: int) -> np.ndarray:
+    """Waves in both directions with 1 cm of noise."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, SIDE, (2, 15_000))
+    z = 0.4 * np.sin(1.3 * x) * np.cos(0.9 * y) + 0.2 * np.sin(0.8 * x + 2.1 * y)
+    return np.column_stack([x, y, z + rng.normal(0, 0.01, x.size)]) - [SIDE / 2, SIDE / 2, 0.0]
+
+
+def test_what_left_the_reach_of_the_comparison_counts_as_moved():
+    """A third rose by 3 m, beyond the largest offset: it has no counterpart, but lies over the reference."""
+    later = ground(2)
+    rose = later[:, 0] < -SIDE / 6
+    later[rose, 2] += 3.0
+    matcher = Matcher(Surface(ground(1), 0.1), Surface(later, 0.1))
+    assert agreement(matcher, Pose.identity(), 1.0).stable_share == pytest.approx(1 - rose.mean(), abs=0.05)
+    seen = patch_agreement(matcher, cut(matcher.moving, 3 * matcher.noise), Pose.identity())
+    assert seen.share == pytest.approx(1 - rose.mean(), abs=0.08)
+    # what only one survey saw has not moved
+    beside = Matcher(Surface(ground(1)[ground(1)[:, 0] > -SIDE / 6], 0.1), Surface(ground(2), 0.1))
+    assert patch_agreement(beside, cut(beside.moving, 3 * beside.noise), Pose.identity()).share > 0.95
+    assert agreement(beside, Pose.identity(), 1.0).stable_share > 0.9
+
+
+@pytest.mark.parametrize(("share", "shift", "refused"), [(0.45, 1.6, True), (0.45, 0.6, False), (0.80, 1.6, False)])
+def test_a_part_beyond_the_largest_offset_is_no_stable_ground(share, shift, refused):
+    """It may be what moved: only where nearly everything agrees are the surveys off by so much."""
+    judged = standing(part(share, shift, WEST, part(0.05, 0.1, EAST)))
+    assert judged.known
+    if not refused:
+        _require_expected(judged, RegistrationParameters())
+        return
+    with pytest.raises(InputError, match="maximum-offset"):
+        _require_expected(judged, RegistrationParameters())
+    _require_expected(judged, RegistrationParameters(maximum_offset=2.0))
+    _require_expected(judged, RegistrationParameters(accept_unstable=True))
+    with pytest.raises(InputError, match="maximum-offset"):  # without any other part, too
+        _require_expected(standing(part(share, shift, WEST)), RegistrationParameters())
+
+
+def published(shared_data, epoch: str, every: int, *, truth: bool = False) -> np.ndarray:
+    folder = shared_data / "unstable_series" / ("truth" if truth else "")
+    return read_cloud(folder / f"2024-01-{epoch}.laz", InputParameters(crs="EPSG:32632")).xyz[::every]
+
+
+def test_a_published_survey_of_which_half_moved_is_registered(shared_data):
+    """Twenty times life-size: 0.02 m are 1 mm. One wall alone fixes the turn about the vertical."""
+    reference, later = published(shared_data, "01", 3), published(shared_data, "07", 3)
+    found = register(reference, later, RegistrationParameters())
+    truth = published(shared_data, "07", 3, truth=True)
+    still = cKDTree(published(shared_data, "01", 1, truth=True)).query(truth)[0] < 0.08
+    away = found.transform.apply(later[still]) - truth[still]
+    error = float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
+    assert error < 0.02
+    assert found.covariance is not None
+    assert error < 5 * np.sqrt(np.trace(found.covariance[3:, 3:]))
+    assert found.agreement.stable_share < 0.7
+    assert not found.unobservable
+
+
+def test_a_published_survey_of_which_nearly_all_moved_is_refused(shared_data):
+    """7 % stayed; what moved as one lies 1.6 m off and was taken for stable."""
+    with pytest.raises(InputError, match="--stable"):
+        register(published(shared_data, "17", 3), published(shared_data, "01", 3), RegistrationParameters())
