@@ -20,8 +20,8 @@ from .quality import Agreement
 from .rival_parts import Standing, difference, refusal
 from .surface_patches import cut
 
-
 _MIN_AGREEING_SHARE = 0.95  # of the patches, with which nothing of note moved: still surveys have 0.99
+_MIN_JUDGED_SHARE = 0.1  # of the patches, below which single points say more: rough or sparse ground
 _MIN_STILL_SHARE = 0.9  # of a part: the registration by all ground contradicts it below
 _MIN_CONTRADICTING_SHARE = 0.35  # of the patches: a smaller part may be chance on rough ground
 _MIN_MAJORITY_SHARE = 0.5  # of the patches, without which a registration by all ground is not kept
@@ -46,7 +46,7 @@ def on_what_stayed(
     alignment = found.solution.alignment or alignment
     patches = cut(matcher.moving, 3 * matcher.noise, matcher.firm)
     seen = patch_agreement(matcher, patches, alignment.pose)
-    if not found.solution.left and seen.share >= _MIN_AGREEING_SHARE:
+    if not found.solution.left and _agrees(found, seen):
         return found
     on_patches = align_on_patches(matcher, patches, alignment, parameters, progress)
     if on_patches is None:
@@ -65,6 +65,13 @@ def on_what_stayed(
     return replace(narrow, ground=found.ground, bare=found.bare, offset=found.offset, judged=judged)
 
 
+def _agrees(found: Measured, seen: PatchAgreement) -> bool:
+    """Whether so much of the surface agrees with a registration that nothing of note has moved."""
+    if seen.judged < _MIN_JUDGED_SHARE:
+        return found.quality.stable_share >= _MIN_SHARE_OF_ALL_GROUND
+    return seen.share >= _MIN_AGREEING_SHARE
+
+
 def _require_expected(judged: Standing, parameters: RegistrationParameters) -> None:
     """Raise InputError if a part that leaves much of the surface aside lies farther off than surveys are expected to.
 
@@ -75,13 +82,15 @@ def _require_expected(judged: Standing, parameters: RegistrationParameters) -> N
         raise InputError(
             f"The largest part that agrees on one motion ({judged.part.share:.0%} of the surface) lies "
             f"{judged.offset:.2f} m from where it was surveyed, more than the largest expected offset "
-            f"({parameters.maximum_offset:g} m), so that it may have moved; give an area known to be stable (--stable), "
-            "or raise --maximum-offset if the surveys can differ by so much."
+            f"({parameters.maximum_offset:g} m), so that it may have moved; give an area known to be stable "
+            "(--stable), or raise --maximum-offset if the surveys can differ by so much."
         )
 
 
 def _without_a_part(found: Measured, seen: PatchAgreement, parameters: RegistrationParameters) -> Measured:
-    share = min(found.quality.stable_share, seen.share)
+    share = found.quality.stable_share
+    if seen.judged >= _MIN_JUDGED_SHARE:
+        share = min(share, seen.share)
     if (found.solution.left or share < parameters.minimum_stable_share) and not parameters.accept_unstable:
         raise InputError(
             f"Only {share:.0%} of the overlap agrees after registration and no part of the "

@@ -35,8 +35,13 @@ class PatchAgreement:
     left: Bool
 
     @property
+    def judged(self) -> float:
+        """Share of the patches' area of which it is known whether it agrees."""
+        return float(self.area[self.compared | self.left].sum() / max(float(self.area.sum()), 1e-9))
+
+    @property
     def share(self) -> float:
-        """Area that agrees by the area of all patches that could."""
+        """Area that agrees by the area that is ``judged``."""
         return float(self.area[self.agrees].sum() / max(float(self.area[self.compared | self.left].sum()), 1e-9))
 
     def share_of(self, among: Bool) -> float:
