@@ -24,6 +24,7 @@ NAMES = {
     "registration": "Registration",
     "sliding_part": "Registration where a part of the slope slid along itself",
     "moving_pieces": "Registration where most of the surface has moved",
+    "unstable_series": "Registration of a published series of which most moves",
     "gridding": "Gridding",
     "m3c2": "M3C2",
     "m3c2_level": "The level of detection of M3C2",

@@ -16,7 +16,7 @@ from .observability import height_sd
 from .patch_agreement import PatchAgreement, patch_agreement
 from .patch_registration import OnPatches, align_on_patches
 from .point_to_plane import Matcher
-from .quality import Agreement
+from .quality import STABLE_SCALES, Agreement
 from .rival_parts import Standing, difference, refusal
 from .surface_patches import cut
 
@@ -52,6 +52,10 @@ def on_what_stayed(
     if on_patches is None:
         return _without_a_part(found, seen, parameters)
     judged = on_patches.standing
+    if judged.contested and _within_scatter(found, judged):
+        bend = found.solution.bend
+        # the error of a bent survey covers what one motion leaves
+        return found if bend is not None and bend.worth else _covering(found, _farthest(alignment, judged))
     if judged.contested and not parameters.accept_unstable:
         raise InputError(refusal(judged))
     _require_expected(judged, parameters)
@@ -70,6 +74,21 @@ def _agrees(found: Measured, seen: PatchAgreement) -> bool:
     if seen.judged < _MIN_JUDGED_SHARE:
         return found.quality.stable_share >= _MIN_SHARE_OF_ALL_GROUND
     return seen.share >= _MIN_AGREEING_SHARE
+
+
+def _within_scatter(found: Measured, judged: Standing) -> bool:
+    """Whether two parts differ by no more than points of the registration by all ground do, as on a bent survey."""
+    agrees = not found.solution.left and found.quality.stable_share >= _MIN_SHARE_OF_ALL_GROUND
+    bend = found.solution.bend
+    scatter = found.quality.scale if bend is None else max(found.quality.scale, bend.before)
+    return agrees and judged.apart <= STABLE_SCALES * scatter
+
+
+def _farthest(alignment: Alignment, judged: Standing) -> Float:
+    """(6,) the motion from an alignment to that of two parts which is farther off."""
+    parts = [one for one in (judged.part, judged.part.other) if one is not None]
+    away = [one.pose.vector(alignment.radius) - alignment.pose.vector(alignment.radius) for one in parts]
+    return max(away, key=lambda motion: float(np.linalg.norm(motion)))
 
 
 def _require_expected(judged: Standing, parameters: RegistrationParameters) -> None:
