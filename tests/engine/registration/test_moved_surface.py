@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.pointcloud.reading import read_cloud
-from slopewatch.engine.registration.moved_surface import _require_expected
-from slopewatch.engine.registration.patch_agreement import patch_agreement
+from slopewatch.engine.registration.alignment import Alignment
+from slopewatch.engine.registration.measured import Measured, of_alignment
+from slopewatch.engine.registration.moved_surface import _kept, _require_expected
+from slopewatch.engine.registration.observability import Information
+from slopewatch.engine.registration.patch_agreement import PatchAgreement, patch_agreement
+from slopewatch.engine.registration.patch_registration import OnPatches
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.quality import agreement
 from slopewatch.engine.registration.register import register
@@ -60,6 +66,40 @@ def test_a_part_beyond_the_largest_offset_is_no_stable_ground(share, shift, refu
     _require_expected(judged, RegistrationParameters(accept_unstable=True))
     with pytest.raises(InputError, match="maximum-offset"):  # without any other part, too
         _require_expected(standing(part(share, shift, WEST)), RegistrationParameters())
+
+
+def by(shift: float, sd: float, fixed: int = 6) -> Alignment:
+    """An alignment that shifts along x, of which the first ``fixed`` motions are known to ``sd``, others to 1 m."""
+    known = np.arange(6) < fixed
+    information = Information(np.ones(6), np.eye(6), known, np.diag(np.where(known, sd, 1.0) ** 2))
+    return Alignment(Pose(np.eye(3), np.array([shift, 0.0, 0.0])), 0.01, 5.0, 1, True, information)
+
+
+@pytest.mark.parametrize(
+    ("agree", "all_ground", "on_part", "kept", "sd"),
+    [
+        (0.85, by(0.0, 0.002), by(0.002, 0.003), True, 0.002),  # one motion: the surer one, as it is
+        (0.85, by(0.0, 0.004), by(0.002, 0.003), False, 0.0),
+        (0.85, by(0.0, 0.002), by(0.030, 0.003), True, 0.030),  # two: the error covers the other
+        (0.60, by(0.0, 0.002), by(0.030, 0.003), False, 0.0),  # much moved
+        (0.60, by(0.0, 0.020), by(0.030, 0.020, 4), True, 0.020),  # rough ground, of which the part fixes less
+        (0.40, by(0.0, 0.002), by(0.002, 0.003), False, 0.0),  # most disagrees
+        (0.85, by(0.0, 0.002, 5), by(0.002, 0.003), False, 0.0),  # the part fixes more
+    ],
+)
+def test_the_registration_by_all_ground_is_kept_where_it_is_surer(agree, all_ground, on_part, kept, sd):
+    places = np.random.default_rng(0).uniform(-5, 5, (50, 3))
+    normals = np.tile([0.0, 0.0, 1.0], (50, 1))
+    found = Measured(of_alignment(all_ground), SimpleNamespace(places=places, normals=normals), 0.002, 0.0)
+    judged = standing(part(0.6, 0.1, WEST))
+    area = np.ones(400)
+    agrees = np.argsort(~WEST, kind="stable")[: round(400 * agree)]
+    seen = PatchAgreement(area, np.isin(np.arange(400), agrees), area > 0, area < 0)
+    assert seen.share == pytest.approx(agree, abs=0.01)
+    result = _kept(found, all_ground, seen, OnPatches(on_part, judged, None, WEST))
+    assert (result is not None) is kept
+    if result is not None:
+        assert np.sqrt(result.solution.information.covariance[3, 3]) == pytest.approx(sd, rel=0.05)
 
 
 def published(shared_data, epoch: str, every: int, *, truth: bool = False) -> np.ndarray:
