@@ -191,7 +191,9 @@ def _clear(curvature: Float, error: Float, gradient: Float, largest_sd: float) -
         gradient: (6,) standard error of the mean gradient along each direction.
         largest_sd: half a spacing of the points, metres.
     """
-    relief = error * _NOISE_LENGTH_RATIO * largest_sd > gradient
+    # where even the strongest one is unsure, what there is lies in few places as a whole
+    sure = curvature[-1] > MIN_STANDARD_ERRORS * error[-1]
+    relief = sure & (error * _NOISE_LENGTH_RATIO * largest_sd > gradient)
     least = np.where(relief, _MIN_ERRORS_OF_RELIEF, MIN_STANDARD_ERRORS)
     return (curvature > least * error) & (curvature > MIN_CURVATURE_RATIO * curvature[-1])
 

@@ -143,10 +143,15 @@ def test_epochs_apart_are_refused_with_both_extents():
 
 
 def test_a_tiny_overlap_is_reported_and_an_overlap_of_nothing_refused():
-    reference = scan(1)
-    result = register(reference, scan(2) + [0.9 * SIDE, 0.0, 0.0], RegistrationParameters())
+    reference, later = scan(1), scan(2)
+    result = register(
+        reference[reference[:, 0] < 0.55 * SIDE], later[later[:, 0] > 0.46 * SIDE], RegistrationParameters()
+    )
     assert result.agreement.overlap_share < 0.2
     assert any("counterpart" in w for w in result.warnings)
+    # another surface that overlaps by a strip
+    with pytest.raises(InputError, match="--stable"):
+        register(reference, later + [0.9 * SIDE, 0.0, 0.0], RegistrationParameters())
     # extents that overlap, surfaces that do not
     west = reference[reference[:, 1] > reference[:, 0] + 1]
     east = reference[reference[:, 1] < reference[:, 0] - 1]

@@ -152,3 +152,13 @@ def test_a_curvature_by_relief_in_few_places_fixes_a_direction(gradient, fixed):
         weak = [np.sqrt(one.covariance[5, 5]) for one in (known, sure)]
         assert weak[1] == pytest.approx(0.01, rel=0.02)
         assert weak[0] == pytest.approx(0.01 * 3 / (0.1 / 0.0256 - 2), rel=0.02)
+
+
+def test_relief_that_is_all_in_few_places_fixes_nothing():
+    """Even the strongest motion stands but four errors above zero."""
+    folds = folds_of_curvature(0.1, 0.0256)
+    folds[:, 4, 4] = (2.0 + 0.5 * np.sqrt(15.0) * np.tile([-1.0, 1.0], 8)) / 16.0
+    terms = np.zeros((1000, 6))
+    terms[:, 5] = np.tile([1.0, -1.0], 500) * 0.001 * np.sqrt(1000)
+    known = information(folds, terms, np.arange(1000), 0.1, unknown_motion(1.0))
+    assert not known.observable[np.argmin(known.curvature)]
