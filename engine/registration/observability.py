@@ -204,7 +204,7 @@ def _unsureness(curvature: Float, error: Float) -> Float:
     The curvature may be smaller by two of its errors. Above ``MIN_STANDARD_ERRORS`` the factor is 1.
     """
     ratio = curvature / np.maximum(error, 1e-300)
-    return np.maximum((MIN_STANDARD_ERRORS - 2.0) / np.maximum(ratio - 2.0, 0.5), 1.0)
+    return np.maximum((MIN_STANDARD_ERRORS - 2.0) / np.maximum(ratio - 2.0, 1.0), 1.0)
 
 
 def name_unobservable(found: Information, normal: Float) -> tuple[str, ...]:
