@@ -127,12 +127,16 @@ def _kept(found: Measured, alignment: Alignment, seen: PatchAgreement, on_patche
     """
     part, narrow = on_patches.part, on_patches.alignment
     first, second = alignment.information, narrow.information
-    if seen.share < _MIN_MAJORITY_SHARE or second.observable.sum() > first.observable.sum():
+    fixes_more = int(first.observable.sum()) - int(second.observable.sum())
+    still = seen.share_of(part.agrees)
+    if fixes_more > 0 and seen.share >= part.share and still >= _MIN_STILL_SHARE:
+        return found  # as much agrees with it
+    if seen.share < _MIN_MAJORITY_SHARE or fixes_more < 0:
         return None
     away = narrow.pose.vector(alignment.radius) - alignment.pose.vector(alignment.radius)
     if float(away @ np.linalg.solve(first.covariance + second.covariance, away)) < _SIGNIFICANT:
         return found if np.trace(first.covariance) <= np.trace(second.covariance) else None
-    contradicted = part.share >= _MIN_CONTRADICTING_SHARE and seen.share_of(part.agrees) < _MIN_STILL_SHARE
+    contradicted = part.share >= _MIN_CONTRADICTING_SHARE and still < _MIN_STILL_SHARE
     return _covering(found, away) if seen.share >= _MIN_SHARE_OF_ALL_GROUND and not contradicted else None
 
 

@@ -83,7 +83,9 @@ def by(shift: float, sd: float, fixed: int = 6) -> Alignment:
         (0.85, by(0.0, 0.002), by(0.030, 0.003), True, 0.030),  # two: the error covers the other
         (0.60, by(0.0, 0.002), by(0.030, 0.003), False, 0.0),  # much moved
         (0.60, by(0.0, 0.020), by(0.030, 0.020, 4), True, 0.020),  # rough ground, of which the part fixes less
-        (0.40, by(0.0, 0.002), by(0.002, 0.003), False, 0.0),  # most disagrees
+        (0.49, by(0.0, 0.002), by(0.400, 0.003, 3), True, 0.002),  # the part fixes less, and holds less
+        (0.42, by(0.0, 0.002), by(0.400, 0.003, 3), False, 0.0),
+        (0.42, by(0.0, 0.002), by(0.002, 0.003), False, 0.0),  # most disagrees
         (0.85, by(0.0, 0.002, 5), by(0.002, 0.003), False, 0.0),  # the part fixes more
     ],
 )
@@ -91,7 +93,7 @@ def test_the_registration_by_all_ground_is_kept_where_it_is_surer(agree, all_gro
     places = np.random.default_rng(0).uniform(-5, 5, (50, 3))
     normals = np.tile([0.0, 0.0, 1.0], (50, 1))
     found = Measured(of_alignment(all_ground), SimpleNamespace(places=places, normals=normals), 0.002, 0.0)
-    judged = standing(part(0.6, 0.1, WEST))
+    judged = standing(part(0.45, 0.1, WEST))
     area = np.ones(400)
     agrees = np.argsort(~WEST, kind="stable")[: round(400 * agree)]
     seen = PatchAgreement(area, np.isin(np.arange(400), agrees), area > 0, area < 0)
