@@ -78,7 +78,8 @@ def surface_heights(xyz: Float, anchored: Bool, taken: Bool, whole: Whole | None
     if whole.outline is not None:
         even = xyz[:, 2] - whole.outline.at(xyz)
         # the cloth hangs over edges and spans valleys; over single returns it lies on roofs too
-        anchored = ~whole.outline.single & anchored | (np.abs(even) < NEAR_RELIEF_M)
+        near = np.abs(even) < NEAR_RELIEF_M
+        anchored = near if whole.single else anchored | near
         xyz = np.column_stack([xyz[:, :2], even])
     height = _over_triangles(xyz, anchored, left, whole)
     done = 0
