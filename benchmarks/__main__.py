@@ -20,6 +20,7 @@ NAMES = {
     "controlled_test": "The published controlled test, simulated",
     "ground": "Ground extraction",
     "real_ground": "The ground of real vegetation, and other methods",
+    "ground_labels": "Labels of the ISPRS filter samples",
     "plants": "Simulated and real plants",
     "registration": "Registration",
     "sliding_part": "Registration where a part of the slope slid along itself",

@@ -39,6 +39,7 @@ from .lowest_layer import (
     separate_layers,
 )
 from .narrow_windows import narrow_windows
+from .relief import SINGLE_DISTANCE_M
 from .squares import lowest_corner, square_numbers
 from .surface_heights import Whole, surface_heights
 
@@ -59,8 +60,8 @@ MAX_SEPARATE_WINDOW_M = 1.2
 """In larger windows relief and forest floor fill the gap between rough ground and what grows on it."""
 DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
 """Height over the ground of the mean of what is taken under plants: where returns are few, each counts."""
-SPARSE_THRESHOLD_M, SINGLE_THRESHOLD_M = 0.1, 0.3
-"""Least threshold where returns are few and triangles as wide as relief, and where they are single (see ``relief``)."""
+SPARSE_THRESHOLD_M = 0.1
+"""Least threshold where returns are few and triangles as wide as relief."""
 TRIANGLE_REACH = 1.5
 """Where returns are few: thresholds from the windows' ground up to which the triangles decide."""
 MAX_HEIGHT_STRETCH = 1.55
@@ -184,7 +185,7 @@ def windows_for(side: float, bare_ground: float, threshold: float, strays: float
     """
     scatter = math.hypot(bare_ground, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
     least = SPARSE_THRESHOLD_M if side > MAX_CLOSER_WINDOW_M else 0.0
-    threshold = max(threshold, MIN_THRESHOLD_SCATTERS * scatter, SINGLE_THRESHOLD_M if single else least)
+    threshold = max(threshold, MIN_THRESHOLD_SCATTERS * scatter, SINGLE_DISTANCE_M if single else least)
     return Windows(side, scatter, threshold, scatter / bare_ground, MIN_BELOW_SHARE + STRAYS_LEFT * strays, single)
 
 

@@ -21,8 +21,7 @@ from .stray_low import MIN_REPORTED_SHARE, stray_below
 
 SURFACE_CELL_M = 0.25
 NEAR_RELIEF_M = 0.5
-"""Points within this distance of the relief give seeds too: the cloth hangs over edges and spans valleys. Single
-returns there are ground (0.5 m also in Pingel et al. 2013)."""
+"""Points within this distance of the relief give seeds too."""
 SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
 """Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
 
@@ -78,7 +77,10 @@ def surface_heights(xyz: Float, anchored: Bool, taken: Bool, whole: Whole | None
     first = int(np.count_nonzero(left)) < int(np.count_nonzero(taken))
     if whole.outline is not None:
         even = xyz[:, 2] - whole.outline.at(xyz)
-        xyz, anchored = np.column_stack([xyz[:, :2], even]), anchored | (np.abs(even) < NEAR_RELIEF_M)
+        # the cloth hangs over edges and spans valleys; over single returns it lies on roofs too
+        near = np.abs(even) < NEAR_RELIEF_M
+        anchored = near if whole.single else anchored | near
+        xyz = np.column_stack([xyz[:, :2], even])
     height = _over_triangles(xyz, anchored, left, whole)
     done = 0
     for _ in range(STRAY_ROUNDS if rounds is None else rounds):
@@ -124,7 +126,7 @@ def _over_triangles(xyz: Float, anchored: Bool, taken: Bool, whole: Whole) -> Fl
     if not len(usable):
         return np.full(len(xyz), np.inf)
     candidates = usable[lowest_supported(xyz[usable], CANDIDATE_CELL_M, whole.origin)]
-    sure = np.abs(xyz[candidates, 2]) < NEAR_RELIEF_M if whole.single else None
+    sure = whole.outline.holds(xyz[candidates]) if whole.outline is not None and whole.single else None
     vertices = candidates[densified(xyz[candidates], anchored[candidates], whole.window, sure)]
     if len(vertices) < 3:
         return np.full(len(xyz), np.inf)

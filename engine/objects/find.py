@@ -110,12 +110,14 @@ class Pair:
     def closed(self, chosen: Index, wider: float, *, flat: bool) -> list[Found]:
         """Closed surfaces about the returns ``chosen`` (n,), or flat tops, of which few returns may leave gaps."""
         link, step = wider * self.link, STEP_M / wider
+        scale = 1.0 / np.array([link, link, step])
+        solid = cKDTree(self._places(self.solid) * scale)
         found: list[Found] = []
         used = chosen[:0]
         for part in self._parts(chosen, link, step, _MIN_RETURNS):
             if np.isin(part, used).any():
                 continue
-            both = (self._one(returns, link) for returns in (part, self._grown(part, link, step)))
+            both = (self._one(returns, link) for returns in (part, self._grown(part, solid, scale)))
             surfaces = [one for one in both if one is not None and one.closed and (one.flat or not flat)]
             if surfaces:
                 found.append(min(surfaces, key=lambda one: one.chance))
@@ -134,11 +136,10 @@ class Pair:
     def _places(self, chosen: Index) -> Float:
         return np.column_stack([self.survey.xyz[chosen, :2], self.owner.heights[chosen]])
 
-    def _grown(self, part: Index, link: float, step: float) -> Index:
-        """``part`` with the solid returns next to it, for which the other survey has returns about as high."""
-        scale = 1.0 / np.array([link, link, step])
-        away = cKDTree(self._places(part) * scale).query(self._places(self.solid) * scale, distance_upper_bound=1.0)[0]
-        return self.solid[np.isfinite(away)]
+    def _grown(self, part: Index, solid: cKDTree, scale: Float) -> Index:
+        """``part`` with the ``solid`` returns next to it, for which the other survey has returns about as high."""
+        near = solid.query_ball_point(self._places(part) * scale, 1.0)
+        return self.solid[np.unique(np.concatenate(near).astype(np.int64))]
 
     def _one(self, part: Index, link: float) -> Found | None:
         xyz, height = self.survey.xyz[part], self.owner.heights[part]

@@ -68,6 +68,24 @@ def test_single_returns_of_rough_ground_are_ground_and_what_stands_on_it_is_not(
     assert result.plant_error[found].min() > over[~bush].std()
 
 
+def test_a_wide_low_roof_is_no_ground_of_single_returns():
+    xy = jittered_grid(90.0, 1.0)
+    roof = (np.abs(xy - 45.0) < 15.0).all(axis=1)
+    every = np.ones(len(xy), dtype=bool)
+    found = layered_ground(np.column_stack([xy, np.where(roof, 3.0, 0.0)]), every, every, 0.05).ground
+    assert found[~roof].mean() > 0.98
+    assert found[roof].mean() < 0.02
+
+
+def test_an_error_of_ranging_takes_no_ground_away_around_it(places):
+    """A return 20 m below the others in every 12 m: a window's opening would go down to it."""
+    xy = places[::4]
+    pit = (np.abs(xy % 12.0 - 6.0) < 0.5).all(axis=1)
+    found = outline(np.column_stack([xy, np.where(pit, -20.0, 0.0)]))
+    assert pit.any()
+    assert np.abs(found).max() < 0.1
+
+
 def test_dense_clouds_have_no_outline(places):
     points = np.column_stack([np.tile(places, (20, 1)), np.zeros(20 * len(places))])
     assert outline_of([points]) is None
