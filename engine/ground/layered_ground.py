@@ -40,6 +40,7 @@ from .lowest_layer import (
 )
 from .narrow_windows import narrow_windows
 from .relief import SINGLE_DISTANCE_M
+from .sheet_edges import to_edges
 from .squares import lowest_corner, square_numbers
 from .surface_heights import Whole, surface_heights
 
@@ -283,6 +284,11 @@ def _judged(points: Float, windows: Windows) -> Float:
     ground &= ~(error > MAX_PLANT_ERROR_M)
     unknown = ~np.isfinite(height) | (error > MAX_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
+    if not windows.single:
+        limits = windows.scatter, windows.threshold
+        over, found = to_edges(points[:, 3], ground, points[:, :2] - low, windows.side, limits)
+        ground, bare = ground | found, bare | found
+        height, error = np.where(found, over / stretch, height), np.where(found, 0.0, error)
     if windows.single:
         # all so near the triangles are taken, alike whether they are ground or plants
         ground = np.abs(points[:, 2]) <= windows.threshold
