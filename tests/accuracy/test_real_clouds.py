@@ -14,6 +14,7 @@ import rasterio
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
+from slopewatch.engine.statistics.normal import Z95
 from slopewatch.interface.parameters import ChangeParameters, InputParameters, ZoneParameters
 from slopewatch.workflows.change import change_step
 from slopewatch.workflows.inspect import inspect_slope
@@ -61,7 +62,8 @@ def test_a_bowl_put_into_a_real_slope_is_found_where_it_is(forest, tmp_path):
     outputs, metrics = done.outputs, done.figures
     found = RigidTransform.load(outputs["transform"])
     middle = np.array([[*centre, np.median(laspy.read(first).z)]])
-    assert np.abs(found.apply(middle) - middle - OFFSET).max() < min(0.02, metrics["registration_error_m"])
+    # in each of three directions within the 95 % range of a height
+    assert np.abs(found.apply(middle) - middle - OFFSET).max() < min(0.02, Z95 * metrics["registration_error_m"])
     zones = geopandas.read_file(outputs["zones"], layer="zones")
     sunk = zones[zones["kind"] == "subsidence"].sort_values("vol_loss_m3", ascending=False)
     place = sunk.geometry.iloc[0].centroid
