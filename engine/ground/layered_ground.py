@@ -284,15 +284,16 @@ def _judged(points: Float, windows: Windows) -> Float:
     ground &= ~(error > MAX_PLANT_ERROR_M)
     unknown = ~np.isfinite(height) | (error > MAX_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
-    if not windows.single:
-        limits = windows.scatter, windows.threshold
-        over, found = to_edges(points[:, 3], ground, points[:, :2] - low, windows.side, limits)
-        ground, bare = ground | found, bare | found
-        height, error = np.where(found, over / stretch, height), np.where(found, 0.0, error)
     if windows.single:
         # all so near the triangles are taken, alike whether they are ground or plants
         ground = np.abs(points[:, 2]) <= windows.threshold
         height[ground], error[ground] = (points[:, 2] / stretch)[ground], windows.threshold / math.sqrt(3.0)
+    else:
+        over, found = to_edges(
+            points[:, 3], ground, points[:, :2] - low, windows.side, (windows.scatter, windows.threshold)
+        )
+        ground, bare = ground | found, bare | found
+        height, error = np.where(found, over / stretch, height), np.where(found, 0.0, error)
     return np.column_stack([height * stretch, ground, bare, error, np.maximum(each(layers.median), 0.0)])
 
 

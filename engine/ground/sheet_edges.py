@@ -25,10 +25,9 @@ BARE_SHARE = 0.9
 MIN_STEP_THRESHOLDS = 2.0
 """Times the largest distance of ground from its surface: what lies deeper is below a sheet."""
 MIN_RETURNS = 3
-POOLED_CELLS, MAX_AMONG_SHARE = 5, 0.04
-"""Lower returns among those on a sheet, as a share of these, in so many cells a side."""
-MIN_APART = 0.2
-"""Mean way of lower returns beyond the mean of those on a sheet, in cells. A straight edge has 0.5, chance 0."""
+POOLED_CELLS, MIN_APART = 5, 0.2
+"""Mean distance of lower returns beyond the mean of those on a sheet, in cells, over so many cells a side. Beyond a
+straight edge it is 0.5, of returns among those on the sheet 0."""
 _LEVEL_PULL = 0.01
 _AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)])
 
@@ -55,7 +54,7 @@ def to_edges(
     """
     parts = max(round(side / WIDTH_M), 1)
     cells, known = Planes(places * (parts / side)), ground
-    over, seen = np.full(len(height), np.inf), np.zeros((5, *cells.shape))
+    over, seen = np.full(len(height), np.inf), np.zeros((4, *cells.shape))
     for _ in range(ROUNDS):
         found = _continued(height, known, cells, limits)
         on = np.abs(found.over) <= limits[1]
@@ -101,10 +100,8 @@ def _continued(height: Float, ground: Bool, cells: Planes, limits: tuple[float, 
 
 
 def _counted(found: _Continued, on: Bool, cells: Planes, threshold: float) -> NDArray[np.float64]:
-    """(5, rows, columns): numbers of returns on the plane, near it, below it and below among those on it; and how far
-    those below lie beyond the mean of those on it, in sum, by the side of a cell.
-
-    The way is that from where the plane comes. Beyond an edge all lower returns are farther than those on it.
+    """(4, rows, columns): numbers of returns on the plane, near it and below it; and how far those below lie beyond the
+    mean of those on it, as a sum, in cells. The direction is that from the cell of the plane.
     """
     way = found.way / np.maximum(np.hypot(*found.way.T), 1e-9)[:, None]
     away = way[:, 0] * cells.x[found.index] + way[:, 1] * cells.y[found.index]
@@ -112,14 +109,12 @@ def _counted(found: _Continued, on: Bool, cells: Planes, threshold: float) -> ND
     number = np.bincount(key[on], minlength=size)
     beyond = away - (np.bincount(key[on], away[on], size) / np.maximum(number, 1))[key]
     below = found.over < -MIN_STEP_THRESHOLDS * threshold
-    others = (np.bincount(key[which], minlength=size) for which in (~on & ~below, below, below & (beyond < 0)))
-    farther = np.bincount(key[below], beyond[below], size)
-    return np.reshape([number, *others, farther], (5, *cells.shape)).astype(np.float64)
+    near, lower = (np.bincount(key[which], minlength=size) for which in (~on & ~below, below))
+    sums = number, near, lower, np.bincount(key[below], beyond[below], size)
+    return np.reshape(sums, (4, *cells.shape)).astype(np.float64)
 
 
 def _ends(seen: NDArray[np.float64]) -> Bool:
     """(rows, columns) cells around which lower returns lie beyond the sheet, not among it; see ``_counted``."""
-    around = np.ones((1, POOLED_CELLS, POOLED_CELLS))
-    on, _, below, among, farther = ndimage.convolve(seen, around, mode="constant")
-    ends = (below > 0.5) & (farther >= MIN_APART * below)
-    return np.asarray(ends & (among <= MAX_AMONG_SHARE * on), dtype=np.bool_)
+    _, _, below, farther = ndimage.convolve(seen, np.ones((1, POOLED_CELLS, POOLED_CELLS)), mode="constant")
+    return np.asarray((below > 0.5) & (farther >= MIN_APART * below), dtype=np.bool_)
