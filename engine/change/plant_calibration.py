@@ -38,8 +38,9 @@ def plants_factor(
     here of the cells whose error is plants' more than points'. It does not widen: that all grass lies lower after
     mowing is known from the plants' heights (``season``), and ground that moved by little would hide itself.
 
-    What neighbours share counts only once, so squares of 2 m that hold such cells count as the number of samples: with
-    fewer than 20 the factor is 1, and the quantile is one standard error of its share higher.
+    Cells of one square of 2 m share much of their error. With fewer than 20 such squares the factor is 1. The quantile
+    is one standard error of its share higher, which follows from how the share differs between the squares (ratio
+    to size in a cluster sample; Cochran, Sampling Techniques, 1977, chapter 9A).
 
     Args:
         dz, sampling, plants: change, its standard error by points (calibrated) and that by plants, metres, arrays of
@@ -50,13 +51,15 @@ def plants_factor(
     """
     with np.errstate(invalid="ignore"):
         under_plants = stable & np.isfinite(dz) & (plants > sampling)
-    patches = len(np.unique(square[under_plants]))
-    if patches < MIN_PATCHES:
+    patches, patch = np.unique(square[under_plants], return_inverse=True)
+    if len(patches) < MIN_PATCHES:
         return 1.0
     needed = (
         (dz[under_plants] / quantile(confidence)) ** 2 - sampling[under_plants] ** 2 - registration_error**2
     ) / plants[under_plants] ** 2
-    surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
+    beyond = needed > sample_quantile(needed, confidence)
+    surplus = np.bincount(patch, beyond - beyond.mean())
+    surer = min(confidence + float(np.linalg.norm(surplus)) / len(needed), 1.0)
     return min(math.sqrt(max(sample_quantile(needed, surer), 0.0)), 1.0)
 
 

@@ -67,6 +67,20 @@ def test_a_small_patch_of_grass_tells_nothing_and_few_tell_with_care():
     assert 0.55 < some < 0.8, "wider than the half that it would be with many"
 
 
+def test_errors_that_cells_of_a_square_do_not_share_need_less_care():
+    """Of grass all over, the error of 30 squares: alike in each, or every cell's own."""
+    few = np.zeros(SHAPE, dtype=bool)
+    few[: 5 * SIDE, : 6 * SIDE] = True
+    real = np.hypot(0.02, SAMPLING)
+    alike = np.mean([told(covered(seed, 0.02), few) for seed in range(30)])
+    own = [np.random.default_rng(seed).normal(scale=real, size=SHAPE) for seed in range(30)]
+    factors = [told(dz, few) for dz in own]
+    assert np.mean(factors) == pytest.approx(0.5, abs=0.05)
+    assert np.mean(factors) < alike
+    levels = [1.96 * np.hypot(SAMPLING, factor * PLANTS) for factor in factors]
+    assert 0.03 <= np.mean([np.abs(dz[few]) > level for dz, level in zip(own, levels, strict=True)]) <= 0.05
+
+
 def test_only_cells_count_in_which_plants_decide():
     dz = covered(4, 0.02)
     dz[:, 120:] = 0.5
