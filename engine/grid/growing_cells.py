@@ -82,8 +82,8 @@ def adaptive_cells(
     standard errors). What is taken leaves with its points: a larger block is what is left of its square, so that
     the errors of two blocks are independent but for the registration. Single cells here and there in a square, less
     than a quarter of it, are no block: their mean would be that of places far apart. They, and what has too few
-    points of its own, get the change of the smallest whole square that serves, whose points finer blocks in it have
-    used as well. A cell without ground of both surveys nearby (``seen_cells.near_points``) is not compared, and its
+    points of its own, get the change of the smallest whole square with enough points, whatever its level is; finer
+    blocks in it have used its points as well. At the edge of a step a larger one would be of another place. A cell without ground of both surveys nearby (``seen_cells.near_points``) is not compared, and its
     points are in no block. Neither counts a quarter of a block without any point, nor what lies outside of either
     survey, gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
 
