@@ -95,7 +95,7 @@ def test_gaps_take_after_the_cells_around_them() -> None:
 
 def test_a_grown_cell_across_the_edge_of_a_footprint_widens_its_error() -> None:
     """Two of its four rows are within the footprint; its change may be all within or all outside."""
-    dz = np.zeros((40, 40))
+    dz = np.full((40, 40), -0.05)
     dz[10:20, 10:20] = 0.5
     block = np.arange(dz.size).reshape(dz.shape)
     block[20:24, 12:16], dz[20:24, 12:16] = block[20, 12], 0.1
