@@ -17,6 +17,33 @@ STABLE_HELP = (
 )
 _PRODUCTS = (
     products.Product(
+        "ZONES",
+        "m3c2_zones",
+        "Hazard zones",
+        "Polygons of contiguous significant distances, seen from above, with area and volume of the surface.",
+        Appearance(50),
+        layer="zones",
+    ),
+    products.Product(
+        "FOOTPRINTS",
+        "m3c2_zones",
+        "Footprints of the volumes",
+        "Polygons over which the zones' volumes are taken, which reach beyond the significant cells.",
+        Appearance(45, visible=False, expanded=False),
+        layer="footprints",
+        by_default=False,
+    ),
+    products.Product(
+        "UNSURE",
+        "m3c2_zones",
+        "Unsure change",
+        "Polygons of change beyond the level of detection that is no zone, with its mean, its error and the reason; no "
+        "area and no volume counts it.",
+        Appearance(44, visible=False, expanded=False),
+        layer="unsure",
+        by_default=False,
+    ),
+    products.Product(
         "SIGNIFICANT",
         "m3c2_significant",
         "Significant M3C2 distance (m)",
@@ -45,7 +72,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
     NAME = "m3c2distances"
     TITLE = "M3C2 distances"
     GROUP = "steps"
-    SUMMARY = "Measures how far a surface has moved along its normal, and from where on that is sure."
+    SUMMARY = "Measures how far a surface has moved along its normal, where that is sure, and the volume of each zone."
     TAGS = (
         "m3c2", "distance", "change detection", "deformation", "cliff", "rock face", "steep", "normal",
         "cloud to cloud", "C2C", "cloud comparison",
@@ -56,6 +83,9 @@ class M3C2Distances(SlopeWatchAlgorithm):
         "CORE_POINTS": ("core_points", "Core points"),
         "MEASURED_POINTS": ("measured_points", "Core points with a level of detection"),
         "SIGNIFICANT_POINTS": ("significant_points", "Core points with significant change"),
+        "ZONE_COUNT": ("zone_count", "Hazard zones"),
+        "VOLUME_LOST": ("vol_loss_m3", "Volume lost (m³)"),
+        "VOLUME_GAINED": ("vol_gain_m3", "Volume gained (m³)"),
         "LARGEST_LOWERING": ("largest_lowering_m", "Largest significant lowering (m)"),
         "LARGEST_RAISING": ("largest_raising_m", "Largest significant raising (m)"),
         "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection (m)"),

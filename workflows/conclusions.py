@@ -19,9 +19,10 @@ MOST = 12
 
 # Outputs that people open first, in that order; two of them are named.
 _FIRST = (
-    "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant",
-    "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points", "ground",
-    "picture", "plan", "roi", "located", "report/report.html", "report/corridor.html", "layers.gpkg", "handover",
+    "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_zones",
+    "m3c2_significant", "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points",
+    "ground", "picture", "plan", "roi", "located", "report/report.html", "report/corridor.html", "layers.gpkg",
+    "handover",
 )  # fmt: skip
 _NAMED = 2
 _MIN_BIAS_M, _BIAS_ERRORS = 0.02, 3.0
@@ -46,23 +47,9 @@ def _change(f: Figures) -> list[str]:
     count = f.get("zone_count")
     if count is None:
         return _screened(f, "screened_")
-    found = "No zone of change above the level of detection was found."
     only_slid = bool(count) and f.get("slid_zones") == count
-    if only_slid:
-        found = (
-            f"{zones_found(count, 'significant change')}, {measured(f, 'zone_area_m2', 'm²')} in all: what moved there "
-            "slid along the surface, and no material was lost or gained."
-        )
-    elif count:
-        lost, gained = (
-            measured(f, f"vol_{kind}_m3", "m³", error=f"vol_{kind}_err_m3") or "0 m³" for kind in ("loss", "gain")
-        )
-        found = (
-            f"{zones_found(count, 'significant change')}, {measured(f, 'zone_area_m2', 'm²')} in all: {lost} lost and "
-            f"{gained} gained."
-        )
     return [
-        found,
+        _zones(f),
         _slides(f),
         sentence(
             "The largest lowering in a zone is {}, the largest raising {}.",
@@ -79,6 +66,25 @@ def _change(f: Figures) -> list[str]:
         _biased(f),
         _confirmed(f),
     ]  # fmt: skip
+
+
+def _zones(f: Figures) -> str:
+    """How many zones there are, and their volumes."""
+    count = f.get("zone_count")
+    if not count:
+        return "No zone of change above the level of detection was found."
+    if f.get("slid_zones") == count:
+        return (
+            f"{zones_found(count, 'significant change')}, {measured(f, 'zone_area_m2', 'm²')} in all: what moved there "
+            "slid along the surface, and no material was lost or gained."
+        )
+    lost, gained = (
+        measured(f, f"vol_{kind}_m3", "m³", error=f"vol_{kind}_err_m3") or "0 m³" for kind in ("loss", "gain")
+    )
+    return (
+        f"{zones_found(count, 'significant change')}, {measured(f, 'zone_area_m2', 'm²')} in all: {lost} lost and "
+        f"{gained} gained."
+    )
 
 
 _UNSEEN = {
@@ -278,6 +284,7 @@ def _ground(f: Figures) -> list[str]:
 
 def _m3c2(f: Figures) -> list[str]:
     return [
+        _zones(f),
         sentence(
             "{} of {} core points have a distance with a level of detection; {} moved beyond it.",
             *(counted(f, f"{name}_points") for name in ("measured", "core", "significant")),

@@ -1,4 +1,4 @@
-"""M3C2 as a command: two clouds in; core points, rasters and a run record out."""
+"""M3C2 as a command: two clouds in; core points, rasters, zones and a run record out."""
 
 from __future__ import annotations
 
@@ -31,13 +31,24 @@ from ..engine.m3c2.level import calibrated, level_facts, report_level
 from ..engine.m3c2.measuring import Measuring, beyond_cylinder, measure
 from ..engine.m3c2.scales import Scales, choose_scales
 from ..engine.m3c2.surveys import Survey
+from ..engine.m3c2.zones import face_zones
 from ..engine.pointcloud.reading import open_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
+from ..engine.zones.extraction import Origin
 from ..interface.parameters import AUTO, DistanceParameters, given
 from .known_registration import KnownRegistration, given_registration
 from .m3c2_clouds import Cores, choose_cores, read_clouds, refuse_memory_early
 from .pair import SPOOL, dated_pair, stable_area
-from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
+from .products.m3c2 import (
+    RASTERS,
+    VOLUMES,
+    ZONES,
+    dimensions,
+    main_figures,
+    median_level_95,
+    write_face_zones,
+    write_rasters,
+)
 from .run import Run, record_name_of
 from .settings import DistanceSettings, groups
 
@@ -67,15 +78,15 @@ def m3c2_step(
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:
-    """Distances along the normal of ``moving`` from ``reference``, at core points and as rasters.
+    """Distances along the normal of ``moving`` from ``reference``, at core points, as rasters, and zones of change.
 
     Args:
         output: the core points, .laz; ``NAME_run.json`` is written next to it.
-        raster_dir: folder of the rasters; that of ``output`` by default.
+        raster_dir: folder of the rasters and zones; that of ``output`` by default.
         core: cloud of the core points; by default points of the reference, evenly spread.
         transform_path: transform.json to apply to ``moving`` first.
         stable: polygons known to be stable, on which the level is calibrated; found in the distances without.
-        overwrite: replace rasters that ``raster_dir`` holds. Other results there are not touched, nor asked about.
+        overwrite: replace files that ``raster_dir`` holds. Other results there are not touched, nor asked about.
 
     Raises:
         InputError: see the readers; clouds that do not overlap; no core point that can be measured.
@@ -85,14 +96,14 @@ def m3c2_step(
     epochs = dated_pair(reference, moving, dates)
     refuse_other_than_cloud(output)
     refuse_unwritable(output)
-    raster_files = [f"{name}.tif" for name in RASTERS]
+    raster_files = [*(f"{name}.tif" for name in RASTERS), ZONES, VOLUMES]
     if raster_dir is not None:
         refuse_results(raster_dir, raster_files, overwrite=overwrite)
     folder, record_name = output.absolute().parent, record_name_of(output)
     raster_dir = folder if raster_dir is None else raster_dir.absolute()
     optional = [("core", core), ("transform", transform_path), ("stable", stable)]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
-    run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances"), inputs, progress)
+    run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones"), inputs, progress)
     run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in raster_files)])
     _check_given(parameters, core, stable, progress)
     check_pair(*epochs)
@@ -123,7 +134,12 @@ def m3c2_step(
             cell = given(parameters.distance_cell) or scales.core_spacing
             run.outputs["points"] = stage.final(output.name)
             run.outputs |= write_rasters(found, cell, clouds.crs, tags, 0.0, run.stage_in(raster_dir))
-        run.figures = _figures(found, scales, parameters)
+            progress.update(0.5, "outlining zones")
+            origin = Origin((epochs[0].date, epochs[1].date), "distance along the normal (M3C2)", run.run_id(hashes))
+            zones = face_zones(found, cell, clouds.crs, settings.zones, origin=origin)
+            files, figures = write_face_zones(zones, epochs[1].date, run.stage_in(raster_dir))
+            run.outputs |= files
+        run.figures = _figures(found, scales, parameters) | figures
     return run.result()
 
 

@@ -74,6 +74,7 @@ class DistanceSettings:
     distances: DistanceParameters = field(default_factory=DistanceParameters)
     dates: DateParameters = field(default_factory=DateParameters)
     surface: SurfaceParameters = field(default_factory=SurfaceParameters)
+    zones: ZoneParameters = field(default_factory=ZoneParameters)
 
 
 @dataclass(frozen=True)

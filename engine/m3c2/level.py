@@ -64,7 +64,7 @@ def calibrated(
         distance=found.distance[here],
         sampling=sampling,
         slope=degrees[here],
-        plants=_plants(found, here),
+        plants=plant_error(found, here),
         places=_places(found.core[here], radius),
         given=None if given is None else given[here],
     )
@@ -205,8 +205,8 @@ def _taken(cylinders: Cylinders, here: Index) -> Cylinders:
     return Cylinders(cylinders.count[here], cylinders.mean[here], cylinders.std[here], spread=spread)
 
 
-def _plants(found: Distances, here: Index) -> Float | None:
-    """Error of the distances by plants, which is one of heights, along the normals; None where no cloud states it."""
+def plant_error(found: Distances, here: Index) -> Float | None:
+    """Error (m,) of the distances ``here`` by plants, m, along the normals; None where no cloud states it."""
     values = [cloud.value[here] for cloud in (found.reference, found.moving) if cloud.value is not None]
     if not values:
         return None

@@ -47,6 +47,24 @@ def test_points_carry_what_was_measured_in_their_system(pair, outcome):
     assert (np.asarray(las.classification) == 2).all()
 
 
+def test_the_raised_third_is_one_zone_with_its_volume(outcome):
+    outputs, metrics, _ = outcome
+    zones, footprints, volumes = (
+        gpd.read_file(outputs["m3c2_zones"], layer=layer) for layer in ("zones", "footprints", "volumes")
+    )
+    assert len(zones) == len(footprints) == metrics["zone_count"] == 1
+    zone = zones.iloc[0]
+    assert zone["kind"] == "uplift"
+    assert zone["slope_deg"] == pytest.approx(np.degrees(DIP), abs=1.0)
+    assert zone["area_m2"] == pytest.approx(4.0 * 12.0, rel=0.1), "of the face, not of the map"
+    assert zone.geometry.area == pytest.approx(4.0 * 12.0 * np.cos(DIP), rel=0.1)
+    assert zone["vol_net_m3"] == pytest.approx(4.0 * 12.0 * BULGE, rel=0.01), "cells on the survey's edge count whole"
+    assert metrics["vol_gain_m3"] == pytest.approx(zone["vol_net_m3"])
+    assert metrics["vol_loss_m3"] == 0.0
+    assert len(volumes) > 10
+    assert zones.crs.equals(CRS.from_epsg(32651))
+
+
 def test_the_published_level_is_there_for_the_asking(pair, outcome, tmp_path):
     """1.96 (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), from the file itself; the same distances."""
     outputs = run(*pair, tmp_path / "points.laz", calibrate=False, registration_error=0.01).outputs
@@ -213,7 +231,7 @@ def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
     assert outputs["m3c2_distance"] == tmp_path / "maps" / "m3c2_distance.tif"
     assert {p.name for p in (tmp_path / "maps").iterdir()} == {
         f"m3c2_{name}.{end}" for name in ("distance", "level_of_detection", "significant") for end in ("tif", "qml")
-    }
+    } | {"m3c2_zones.gpkg", "m3c2_volumes.csv"}
     record = json.loads((tmp_path / "out_run.json").read_text())
     assert record["transform"] == matrix.tolist()
     with rasterio.open(outputs["m3c2_distance"]) as source:

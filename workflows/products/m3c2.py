@@ -1,8 +1,9 @@
-"""What M3C2 writes: the core points with what was measured there, rasters of their means, and the main figures."""
+"""What M3C2 writes: the core points with what was measured there, rasters of their means, zones, the main figures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,15 @@ from ...engine.core.staged_outputs import Stage
 from ...engine.grid import geotiff
 from ...engine.grid.grid import Grid, cell_index, snapped_grid
 from ...engine.m3c2.distances import Distances, Status
+from ...engine.m3c2.zones import FaceZones
 from ...engine.maps import palette, qgis_styles
 from ...engine.statistics.normal import quantile
 from ...engine.statistics.robust import nmad
+from ...engine.zones.gcd_table import table_frame, volume_table, write_volume_table
 from .masked_raster import Legend, write_masked_raster
+from .zones import write_zones
 
+ZONES, VOLUMES = "m3c2_zones.gpkg", "m3c2_volumes.csv"
 RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
 _MAX_CELLS = 50_000_000
 
@@ -106,6 +111,27 @@ def write_rasters(
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs
+
+
+def write_face_zones(found: FaceZones, stamp: date | None, stage: Stage) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Write zones and table of volumes into ``stage``; the final paths by name, and the main figures."""
+    zones = found.zones
+    table = volume_table(found.cells, found.significant, zones.volumes, zones.correlation)
+    write_zones(
+        stage.path(ZONES),
+        zones.frame,
+        footprints=found.footprints,
+        unsure=zones.unsure,
+        volumes=table_frame(table),
+        stamp=stamp,
+    )
+    write_volume_table(stage.path(VOLUMES), table)
+    figures = {
+        "zone_count": len(zones.frame),
+        "zone_area_m2": float(zones.frame["area_m2"].sum()),
+        "unsure_groups": len(zones.unsure),
+    }
+    return {"m3c2_zones": stage.final(ZONES), "m3c2_volumes": stage.final(VOLUMES)}, figures | table.figures()
 
 
 def median_level_95(found: Distances) -> float:

@@ -1,0 +1,175 @@
+"""Hazard zones of M3C2 distances: their means in cells of the plane along the face, joined and summed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import geopandas as gpd
+import numpy as np
+import shapely
+from pyproj import CRS
+from scipy.spatial import cKDTree
+from scipy.special import ndtr
+from scipy.stats import false_discovery_control
+
+from ...interface.parameters import ZoneParameters
+from ..change.difference import uniform_shift
+from ..core.arrays import Bool, Float, Index
+from ..grid.grid import Grid, cell_index, snapped_grid
+from ..grid.partition import Partition
+from ..statistics.normal import quantile
+from ..zones.extraction import Origin, Zones, extract_zones, footprint_frame
+from ..zones.footprints import Cells, Detected
+from .distances import Distances
+from .lattice import dominant_frame
+from .level import plant_error, slope_of
+
+MAX_OBLIQUE_DEG = 80.0
+"""Angle of a cell's mean normal with the plane's up to which the cell counts; beyond it, several faces may be in it."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """The plane that fits core points best: ``origin`` (3,) m; ``axes`` (3, 3) along it, up it, and its normal."""
+
+    origin: Float
+    axes: Float
+
+    @classmethod
+    def of(cls, core: Float, normals: Float) -> Face:
+        """Its normal is on the side of most of the ``normals`` (n, 3) at the points (n, 3)."""
+        normal = dominant_frame(core)[2]
+        normal = normal * (1.0 if np.median(normals @ normal) >= 0.0 else -1.0)
+        along = np.array([-normal[1], normal[0], 0.0])
+        along = along / np.linalg.norm(along) if np.linalg.norm(along) > 1e-6 else np.array([1.0, 0.0, 0.0])
+        return cls(core.mean(axis=0), np.stack([along, np.cross(normal, along), normal]))
+
+    def local(self, xyz: Float) -> Float:
+        """(n, 3) of points (n, 3)."""
+        return np.asarray((xyz - self.origin) @ self.axes.T)
+
+    def on_map(self, frame: gpd.GeoDataFrame, local: Float) -> gpd.GeoDataFrame:
+        """A frame of polygons in the plane as seen from above; ``local`` (n, 3) are points of the face."""
+        tree = cKDTree(local[:, :2])
+
+        def seen(places: Float) -> Float:
+            out = local[tree.query(places)[1], 2]
+            return np.asarray((np.column_stack([places, out]) @ self.axes + self.origin)[:, :2])
+
+        return frame.set_geometry(shapely.make_valid(shapely.transform(frame.geometry.to_numpy(), seen)), crs=frame.crs)
+
+
+@dataclass(frozen=True)
+class FaceCells:
+    """Means of the measured core points in each cell of a face, arrays (rows, columns), NaN in cells without any.
+
+    ``distance`` and its standard ``error`` are in metres; it is not divided by the number of core points, because
+    neighbouring cylinders share their points. ``area`` is in m² of the surface, 0 where it is too oblique
+    (``MAX_OBLIQUE_DEG``). ``slope`` is that of the normals, degrees; ``points`` the number in the emptier cylinder;
+    ``plants`` the part of the error that vegetation makes, m, None where no cloud states it.
+    """
+
+    face: Face
+    local: Float
+    grid: Grid
+    distance: Float
+    error: Float
+    area: Float
+    slope: Float
+    points: Index
+    plants: Float | None
+
+    @classmethod
+    def of(cls, found: Distances, cell: float) -> FaceCells:
+        """Of cells of ``cell`` metres."""
+        here = found.measured
+        face = Face.of(found.core[here], found.normal[here])
+        local = face.local(found.core[here])
+        low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
+        grid = snapped_grid((*low.tolist(), *high.tolist()), cell)
+        index = cell_index(local[:, :2], grid)
+        count = np.bincount(index, minlength=grid.rows * grid.columns)
+
+        def mean(values: Float) -> Float:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                return np.asarray(np.bincount(index, values, count.size) / count).reshape(grid.shape)
+
+        # near the vertical and in overhangs, normals that point upwards are on either side of the face
+        side = np.where(found.normal[here] @ face.axes[2] < 0.0, -1.0, 1.0)
+        normal, distance = found.normal[here] * side[:, None], found.distance[here] * side
+        normals = np.stack([mean(normal[:, k]) for k in range(3)], axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+            upright = normals @ face.axes[2]
+            area = np.where(upright >= np.cos(np.radians(MAX_OBLIQUE_DEG)), cell**2 / upright, 0.0)
+        plants = plant_error(found, np.flatnonzero(here))
+        fewest = np.minimum(found.reference.count, found.moving.count)[here].astype(np.float64)
+        return cls(
+            face,
+            local,
+            grid,
+            np.where(area > 0, mean(distance), np.nan),
+            np.where(area > 0, mean(found.level[here]) / quantile(found.confidence), np.nan),
+            area,
+            slope_of(normals.reshape(-1, 3)).reshape(grid.shape),
+            np.nan_to_num(mean(fewest)).astype(np.int64),
+            None if plants is None else found.plants_factor * mean(plants),
+        )
+
+    def discoveries(self, confidence: float) -> Bool:
+        """Cells (rows, columns) that are significant with a false discovery rate of 1 - ``confidence``.
+
+        At a level of 95 % one unchanged cell in twenty is significant. Here one in twenty of the significant cells is
+        unchanged (Benjamini and Hochberg 1995; for errors that are alike nearby Benjamini and Yekutieli 2001).
+        """
+        known = np.isfinite(self.distance)
+        significant = np.zeros(known.shape, dtype=np.bool_)
+        if known.any():
+            chance = 2.0 * ndtr(-np.abs(self.distance[known]) / self.error[known])
+            significant[known] = false_discovery_control(chance) <= 1.0 - confidence
+        return significant
+
+
+@dataclass(frozen=True)
+class FaceZones:
+    """Zones of a face, whose frames lie on the map; ``footprints`` those of the volumes; the cells, and which of them
+    are significant.
+    """
+
+    zones: Zones
+    footprints: gpd.GeoDataFrame
+    cells: Cells
+    significant: Bool
+
+
+def face_zones(
+    found: Distances,
+    cell: float,
+    crs: CRS | None,
+    parameters: ZoneParameters | None = None,
+    *,
+    origin: Origin | None = None,
+) -> FaceZones:
+    """Zones as of a change of heights (``zones.extraction.extract_zones``), along the normals.
+
+    Distances, areas and volumes are those of the surface. The polygons are seen from above. There are none where all
+    of the face has moved alike.
+
+    Args:
+        cell: metres, the distance of the core points.
+    """
+    face = FaceCells.of(found, cell)
+    partition = Partition(face.grid.shape, face.grid.cell)
+    cells = Cells(face.distance, face.error, face.area, partition, face.plants)
+    significant = face.discoveries(found.confidence)
+    if uniform_shift(found.distance[found.measured], found.level[found.measured]) is not None:
+        significant[:] = False
+    detected = Detected(significant, quantile(0.95) * face.error, face.points)
+    error = found.registration_error
+    zones = extract_zones(cells, detected, face.grid, crs, parameters, registration_error=error, origin=origin)
+    footprints = face.face.on_map(footprint_frame(zones, face.grid), face.local)
+    zone, slope = zones.labels.ravel(), np.nan_to_num(face.slope).ravel()
+    number = np.maximum(np.bincount(zone, minlength=len(zones.frame) + 1), 1)
+    steep = np.bincount(zone, slope, len(number))[1:] / number[1:]
+    frame, unsure = (face.face.on_map(of, face.local) for of in (zones.frame.assign(slope_deg=steep), zones.unsure))
+    return FaceZones(replace(zones, frame=frame, unsure=unsure), footprints, cells, significant)

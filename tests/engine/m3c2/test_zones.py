@@ -1,0 +1,102 @@
+"""Zones of faces that changed by known volumes, up to the vertical."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+from slopewatch.engine.m3c2.distances import Cylinder, Distances, LevelTerms, m3c2_distances
+from slopewatch.engine.m3c2.lattice import Lattice
+from slopewatch.engine.m3c2.level import calibrated
+from slopewatch.engine.m3c2.normals import fit_planes
+from slopewatch.engine.m3c2.zones import FaceCells, FaceZones, face_zones
+
+SIDE_M, RADIUS_M, SPACING_M, ERROR_M = 16.0, 0.3, 0.25, 0.003
+CHANGES = ((4.0, 4.0, 2.0, 0.08), (11.0, 5.0, 2.0, -0.08), (5.0, 11.5, 2.5, 0.15), (11.5, 11.5, 1.5, -0.2))
+"""Place along and up the face, radius and height of a cosine bump, m."""
+
+
+def survey(seed: int, dip: float, changes=(), density: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) of a rough face, which rocks of 6 cm cover, and its normal."""
+    rng = np.random.default_rng(seed)
+    rocks = gaussian_filter(np.random.default_rng(7).normal(size=(160, 160)), 4)
+    along, up = rng.uniform(0, SIDE_M, (2, int(density * SIDE_M**2)))
+    out = map_coordinates(0.06 * rocks / rocks.std(), [10 * along, 10 * up], order=1, mode="nearest")
+    out += rng.normal(0, 0.01, len(along))
+    for east, high, radius, height in changes:
+        share = np.hypot(along - east, up - high) / radius
+        out += np.where(share < 1, height * np.cos(0.5 * np.pi * share) ** 2, 0.0)
+    angle = np.radians(dip)
+    normal = np.array([0.0, -np.sin(angle), np.cos(angle)])
+    return np.column_stack([along, up * np.cos(angle), up * np.sin(angle)]) + out[:, None] * normal, normal
+
+
+def volume_of(change: tuple[float, float, float, float]) -> float:
+    """Of a cosine bump, m³: the integral of h cos²(pi r / 2 R) over its disc."""
+    *_, radius, height = change
+    return height * np.pi * radius**2 * (0.5 - 2 / np.pi**2)
+
+
+def measured(seed: int, dip: float, changes=()) -> Distances:
+    first, second = survey(seed, dip)[0], survey(seed + 1, dip, changes)[0]
+    core = first[:: round(len(first) * SPACING_M**2 / SIDE_M**2)]
+    normal = fit_planes(Lattice(first, 0.4), core, 0.8).normal
+    clouds = Lattice(first, RADIUS_M), Lattice(second, RADIUS_M)
+    terms = LevelTerms(registration_error=ERROR_M)
+    found = m3c2_distances(clouds, core, normal, Cylinder(RADIUS_M, 0.5), terms, spread=True)
+    return calibrated(found, RADIUS_M)
+
+
+def zones_of(seed: int, dip: float, changes=()) -> FaceZones:
+    return face_zones(measured(seed, dip, changes), SPACING_M, None)
+
+
+@pytest.mark.parametrize("dip", [30.0, 65.0, 90.0])
+def test_each_change_of_a_face_is_a_zone_whose_range_holds_its_volume(dip):
+    found = zones_of(int(dip), dip, CHANGES).zones.frame
+    assert len(found) == len(CHANGES)
+    known = np.array([volume_of(change) for change in CHANGES])
+    sign = np.sign(found["vol_net_m3"].sum()) * np.sign(known.sum())  # a vertical face has no upper side
+    for low, high in zip(found["vol_low_m3"], found["vol_high_m3"], strict=True):
+        assert ((sign * known >= low) & (sign * known <= high)).sum() >= 1
+    assert np.abs(found["vol_net_m3"]).sum() == pytest.approx(np.abs(known).sum(), rel=0.05)
+    assert np.allclose(found["slope_deg"].astype(float), dip, atol=8.0)
+
+
+def test_a_face_that_did_not_change_has_no_zone_and_hardly_a_cell_that_counts():
+    for seed in range(3):
+        found = zones_of(100 + 10 * seed, 60.0)
+        assert len(found.zones.frame) == 0
+        assert found.significant.mean() < 0.001
+
+
+def test_one_in_twenty_of_the_cells_that_count_is_unchanged_at_most():
+    """Of all unchanged cells one in fifty is beyond its level here; of those that count few are unchanged."""
+    normal = survey(0, 60.0)[1]
+    false, counted, beyond = 0, 0, 0
+    for seed in (200, 210, 220):
+        cells = FaceCells.of(measured(seed, 60.0, CHANGES), SPACING_M)
+        row, column = np.indices(cells.grid.shape)
+        west, north = cells.grid.west, cells.grid.north
+        plane = np.stack([west + (column + 0.5) * SPACING_M, north - (row + 0.5) * SPACING_M], axis=-1)
+        xyz = plane @ cells.face.axes[:2] + cells.face.origin
+        place = np.stack([xyz[..., 0], xyz @ np.cross(normal, [1.0, 0.0, 0.0])], axis=-1)
+        unchanged = np.all([np.hypot(*(place - c[:2]).T).T > c[2] + 2 * RADIUS_M for c in CHANGES], axis=0)
+        significant = cells.discoveries(0.95)
+        false += np.count_nonzero(significant & unchanged)
+        counted += np.count_nonzero(significant)
+        with np.errstate(invalid="ignore"):
+            beyond += np.count_nonzero(unchanged & (np.abs(cells.distance) > 1.96 * cells.error))
+    assert false <= 0.05 * counted
+    assert beyond > 3 * false
+
+
+def test_all_that_moved_alike_is_no_zone():
+    first, normal = survey(1, 60.0)
+    second = survey(2, 60.0)[0] + 0.2 * normal
+    core = first[::25]
+    clouds = Lattice(first, RADIUS_M), Lattice(second, RADIUS_M)
+    axes = np.tile(normal, (len(core), 1))
+    found = m3c2_distances(clouds, core, axes, Cylinder(RADIUS_M, 0.6), LevelTerms(registration_error=ERROR_M))
+    assert found.significant[found.measured].mean() > 0.9
+    assert len(face_zones(found, SPACING_M, None).zones.frame) == 0
