@@ -72,20 +72,21 @@ def adaptive_cells(
 ) -> AdaptiveCells:
     """Change of each block: the smallest of cell, 2 x 2, 4 x 4 ... cells that meets ``target_level``.
 
-    From the finest size up, a block is taken where both epochs have enough points in it, its gradient is
-    determined, and its level of detection is at most ``target_level``, or more the registration's and the plants'
-    than the points', so that a larger one would gain little; from the largest size on, whatever the level is. Where
-    that is left to the clouds, cells double once more and again for as long as many places have too few points of an
-    epoch (``chosen_cell.largest_step``): growth ends where the ground runs out. Where a
-    change is clear, one point less suffices and its level may be a quarter of it: a larger block would blur the tip
-    of a cone and the edge of a step, and on unchanged ground so clear a change does not come by chance (eight
-    standard errors). What is taken leaves with its points: a larger block is what is left of its square, so that
-    the errors of two blocks are independent but for the registration. Single cells here and there in a square, less
-    than a quarter of it, are no block: their mean would be that of places far apart. They, and what has too few
-    points of its own, get the change of the smallest whole square that serves, whose points finer blocks in it have
-    used as well. A cell without ground of both surveys nearby (``seen_cells.near_points``) is not compared, and its
-    points are in no block. Neither counts a quarter of a block without any point, nor what lies outside of either
-    survey, gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
+    From the finest size up, a block is taken where both epochs have enough points in it, its gradient is determined,
+    and its level of detection is at most ``target_level``, or more the registration's and the plants' than the points',
+    so that a larger one would gain little; from the largest size on, whatever the level is. Where that is left to the
+    clouds, cells double once more and again for as long as many places have too few points of an epoch
+    (``chosen_cell.largest_step``): growth ends where the ground runs out. Where a change is clear, one point less
+    suffices and its level may be a quarter of it: a larger block would blur the tip of a cone and the edge of a step,
+    and on unchanged ground so clear a change does not come by chance (eight standard errors). What is taken leaves with
+    its points: a larger block is what is left of its square, so that the errors of two blocks are independent but for
+    the registration. Single cells here and there in a square, less than a quarter of it, are no block: their mean would
+    be that of places far apart. They, and what has too few points of its own, get the change of the smallest whole
+    square with enough points, whatever its level is; finer blocks in it have used its points as well. At the edge of a
+    step a larger one would be of another place. A cell without ground of both surveys nearby
+    (``seen_cells.near_points``) is not compared, and its points are in no block. Neither counts a quarter of a block
+    without any point, nor what lies outside of either survey, gaps within it aside. Blocks lie at multiples of their
+    side whatever the extent of the clouds.
 
     The surface of a block is a pair of parallel planes (see ``block_moments.parallel_planes``). The variance of a point
     about them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).

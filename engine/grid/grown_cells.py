@@ -78,8 +78,9 @@ def grow(moments: list[Moments], within: NDArray[np.bool_], growth: Growth, leve
         for back in range(min(step + 1, _PART_LEVELS)):
             for epoch in left[step - back]:
                 epoch.sums[:, _spread(taken, 2**back)] = 0.0
-    for step, whole in enumerate(squares[1:], 1):
-        taken = _serve(whole.planes, whole.sampling, whole.moments, growth, step)
+    for whole in squares[1:]:
+        # as near as can be, whatever the level is: a larger square lies on both sides of an edge
+        taken = _serve(whole.planes, whole.sampling, whole.moments, growth, growth.enough)
         result.take(taken, whole.planes, whole.sampling, whole.moments, whole.reached)
     return Grown(result.block, result.height, np.concatenate(result.figures, axis=1))
 

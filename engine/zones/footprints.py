@@ -84,7 +84,7 @@ class Footprint:
         inside: cells of the footprint.
         own: cells of the zone itself.
         weights: m² that each measured cell stands for.
-        scatter: standard error of the volume by what was interpolated, m³.
+        scatter: standard error of the volume by what was interpolated and by cells across the edge, m³.
         measured: share of the footprint's cells that were measured in both epochs.
     """
 
@@ -115,6 +115,9 @@ def outline_footprints(
     mean has the zone's sign and exceeds the registration error, which lifts or lowers everything alike; at most to
     twice the zone's radius. Other zones' cells, and those nearer to these, stay theirs.
 
+    A grown cell may lie across the footprint's edge. Its change may all be within, or all outside: between these the
+    volume counts as uniform (JCGM 100:2008, 4.3.7).
+
     Cells that were not measured, but have a measured one within ``gap`` m, get the weighted mean of these. Its error is
     that of the measured cells, and the scatter beyond noise that the change has from cell to cell. Larger gaps, and
     what lies outside of the survey's edge, are left out.
@@ -139,6 +142,7 @@ def outline_footprints(
         weights, scatter = zone.weights(inside)
         weights *= np.where(zone.known, near.area, 0.0)
         measured = float((inside & zone.known).sum() / inside.sum())
+        scatter = math.hypot(scatter, _divided(near, inside & zone.known))
         found.append(Footprint(window, inside, zone.own > 0, weights, scatter, measured))
     return tuple(found)
 
@@ -223,6 +227,19 @@ class _Surroundings:
         noise = _around(self.variance, self.kernel**2) / normal**2 + self.variance
         beyond = float(np.mean((self.dz - mean)[judged] ** 2 - noise[judged])) if judged.any() else 0.0
         return weights, math.sqrt(max(beyond, 0.0) * float(gaps.sum())) * self.area
+
+
+def _divided(cells: Cells, inside: NDArray[np.bool_]) -> float:
+    """Standard error, m³, of the volume of the cells ``inside`` by grown cells of which they are a part."""
+    if not cells.partition.grown:
+        return 0.0
+    part = cells.partition.number
+    inside = inside & (part >= 0)
+    found, own = np.unique(part[inside], return_counts=True)
+    around = part[np.isin(part, found)]
+    size = np.bincount(np.searchsorted(found, around), minlength=len(found))
+    change = np.bincount(np.searchsorted(found, part[inside]), np.abs(cells.dz[inside]), len(found)) / own
+    return float(np.linalg.norm((change * size)[own < size])) * cells.cell**2 / math.sqrt(12.0)
 
 
 def _edge_reach(cell: float) -> int:

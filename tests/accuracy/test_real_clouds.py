@@ -62,8 +62,11 @@ def test_a_bowl_put_into_a_real_slope_is_found_where_it_is(forest, tmp_path):
     outputs, metrics = done.outputs, done.figures
     found = RigidTransform.load(outputs["transform"])
     middle = np.array([[*centre, np.median(laspy.read(first).z)]])
-    # in each of three directions within the 95 % range of a height
-    assert np.abs(found.apply(middle) - middle - OFFSET).max() < min(0.02, Z95 * metrics["registration_error_m"])
+    off = np.abs(found.apply(middle) - middle - OFFSET)[0]
+    record = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
+    weakest = record["registration"]["weakest_direction_error_m"]
+    assert off[2] < Z95 * metrics["registration_error_m"]
+    assert off.max() < min(0.02, Z95 * weakest)
     zones = geopandas.read_file(outputs["zones"], layer="zones")
     sunk = zones[zones["kind"] == "subsidence"].sort_values("vol_loss_m3", ascending=False)
     place = sunk.geometry.iloc[0].centroid

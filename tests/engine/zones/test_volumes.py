@@ -93,6 +93,24 @@ def test_gaps_take_after_the_cells_around_them() -> None:
     assert footprint.scatter < 0.02 * abs(found.net[0])
 
 
+def test_a_grown_cell_across_the_edge_of_a_footprint_widens_its_error() -> None:
+    """Two of its four rows are within the footprint; its change may be all within or all outside."""
+    dz = np.full((40, 40), -0.05)
+    dz[10:20, 10:20] = 0.5
+    block = np.arange(dz.size).reshape(dz.shape)
+    block[20:24, 12:16], dz[20:24, 12:16] = block[20, 12], 0.1
+    labels, _ = labelled(dz, 0.06)
+    scatter = [outline_footprints(cells_of(dz, 0.06, b), labels, 1, gap=0.2)[0].scatter for b in (None, block)]
+    assert scatter[0] == 0.0
+    within = outline_footprints(cells_of(dz, 0.06, block), labels, 1, gap=0.2)[0]
+    inside = np.zeros(dz.shape, dtype=bool)
+    inside[within.window] = within.inside
+    assert 0 < inside[20:24, 12:16].sum() < 16
+    random = np.random.default_rng(3)
+    drawn = random.uniform(0.0, 0.1 * 16 * CELL**2, 100_000)
+    assert scatter[1] == pytest.approx(drawn.std(), rel=0.02)
+
+
 def test_nothing_is_told_outside_of_the_survey() -> None:
     dz = np.full((60, 60), np.nan)
     dz[5:40, 10:50] = -0.4
@@ -151,7 +169,7 @@ def test_cells_that_are_one_err_as_one() -> None:
     block[:, :8] = -1
     error = random.uniform(0.02, 0.1, 225).reshape(15, 15).repeat(4, axis=0).repeat(4, axis=1)
     dz = np.zeros((60, 60))
-    dz[10:50, 4:50] = 1.0
+    dz[12:48, 4:48] = 1.0
     labels, count = labelled(dz, error)
     assert count == 1
     footprints = outline_footprints(cells_of(dz, error, block), labels, 1, gap=0.2)
