@@ -23,7 +23,7 @@ from ...engine.statistics.normal import quantile
 from ...engine.statistics.robust import nmad
 from ...engine.zones.gcd_table import table_frame, volume_table, write_volume_table
 from .masked_raster import Legend, write_masked_raster
-from .zones import write_zones
+from .zones import write_zones, zone_figures
 
 ZONES, VOLUMES = "m3c2_zones.gpkg", "m3c2_volumes.csv"
 RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
@@ -126,11 +126,7 @@ def write_face_zones(found: FaceZones, stamp: date | None, stage: Stage) -> tupl
         stamp=stamp,
     )
     write_volume_table(stage.path(VOLUMES), table)
-    figures = {
-        "zone_count": len(zones.frame),
-        "zone_area_m2": float(zones.frame["area_m2"].sum()),
-        "unsure_groups": len(zones.unsure),
-    }
+    figures = {**zone_figures(zones.frame), "unsure_groups": len(zones.unsure)}
     return {"m3c2_zones": stage.final(ZONES), "m3c2_volumes": stage.final(VOLUMES)}, figures | table.figures()
 
 

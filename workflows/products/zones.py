@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import geopandas as gpd
 import pandas as pd
@@ -54,3 +55,10 @@ def write_zones(
     if volumes is not None:
         layers.append(Layer(volumes, "volumes", guarded=True))
     write_layers(path, layers, stamp=stamp)
+
+
+def zone_figures(frame: gpd.GeoDataFrame) -> dict[str, Any]:
+    """Number of zones, and areas (m²) and net volumes (m³) of all of them: their own, and of their footprints."""
+    columns = {"zone_area_m2": "area_m2", "zone_net_m3": "zone_net_m3", "footprint_area_m2": "vol_area_m2"}
+    sums = {name: float(frame[column].sum()) for name, column in columns.items()}
+    return {"zone_count": len(frame), **sums, "footprint_net_m3": float(frame["vol_net_m3"].sum())}
