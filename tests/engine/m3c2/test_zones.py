@@ -81,7 +81,7 @@ def test_one_in_twenty_of_the_cells_that_count_is_unchanged_at_most():
         plane = np.stack([west + (column + 0.5) * SPACING_M, north - (row + 0.5) * SPACING_M], axis=-1)
         xyz = plane @ cells.face.axes[:2] + cells.face.origin
         place = np.stack([xyz[..., 0], xyz @ np.cross(normal, [1.0, 0.0, 0.0])], axis=-1)
-        unchanged = np.all([np.hypot(*(place - c[:2]).T).T > c[2] + 2 * RADIUS_M for c in CHANGES], axis=0)
+        unchanged = np.all([c[2] + 2 * RADIUS_M < np.hypot(*(place - c[:2]).T).T for c in CHANGES], axis=0)
         significant = cells.discoveries(0.95)
         false += np.count_nonzero(significant & unchanged)
         counted += np.count_nonzero(significant)
