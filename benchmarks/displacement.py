@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.core.arrays import Float
+from ..engine.displacement.chance import beyond_chance
 from ..engine.displacement.displacement import Displacement, measure_displacement
 from ..engine.displacement.facets import find_facets
 from ..engine.displacement.registered import Registered
@@ -123,7 +124,10 @@ def still_case(first: Float, later: Float, motion: Float) -> dict[str, Any]:
     windows = {
         f"{s:g}": compared(v, motion).as_lists() for s, v in zip(SIZES, found.by_width, strict=True)
     }  # fmt: skip
-    return {"windows": windows, "zones": len(found.zones), "seconds": taken / _AREA_M2 * 1000}
+    reported = [
+        int(np.count_nonzero(part)) for part in (found.significant, beyond_chance(found), found.vectors.measured)
+    ]
+    return {"windows": windows, "zones": len(found.zones), "reported": reported, "seconds": taken / _AREA_M2 * 1000}
 
 
 def _moved_case(first: Float, later: Float, motion: float) -> dict[str, Any]:

@@ -218,7 +218,7 @@ def _single_vectors(f: Figures) -> str:
     if single <= most:
         return (
             f"Single vectors that are significant: {single:.0f}, no more than chance gives ({expected} expected, up to "
-            f"{most:.0f} on 95 % of still slopes)."
+            f"{most:.0f} on 95 % of still slopes). They are not drawn."
         )
     return (
         f"Single vectors that are significant: {single:.0f}, more than chance gives ({expected} expected, up to "

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 from scipy import stats
 
+from ..core.arrays import Bool
 from .displacement import Displacement
 from .scan import common_share
 from .vectors import threshold
@@ -21,24 +21,34 @@ _STEPS = 400  # of the numerical integral
 def chance_vectors(found: Displacement) -> tuple[float, int]:
     """Significant vectors that still ground shows: the number expected, and that which 95 % of such maps stay within.
 
-    Both hold where errors are as stated: the share of windows that exceed their level is then 1 - confidence for each
-    width of windows that was tried.
+    Both hold where errors are as stated. The confidence is that of all widths of windows together, and the narrower
+    ones count only where the wider ones agree: no more than 1 - confidence of the windows exceed it.
     """
-    widths = [float(vectors.width.max()) for vectors in found.by_width if len(vectors.width)]
     measured = int(np.count_nonzero(found.vectors.measured))
-    return counts_by_chance(measured, found.grid.cell, widths, found.confidence)
+    width = max((float(vectors.width.max()) for vectors in found.by_width if len(vectors.width)), default=0.0)
+    return counts_by_chance(measured, found.grid.cell, width, found.confidence)
 
 
-def counts_by_chance(measured: int, spacing: float, widths: Sequence[float], confidence: float) -> tuple[float, int]:
+def beyond_chance(found: Displacement) -> Bool:
+    """(n,) the significant vectors that are shown: those of zones, the others if there are more than chance makes."""
+    inside = np.zeros(len(found.significant), dtype=bool)
+    for zone in found.zones:
+        inside[zone.windows] = True
+    single = found.significant & ~inside
+    more = np.count_nonzero(single) > chance_vectors(found)[1]
+    return found.significant & (inside | more)
+
+
+def counts_by_chance(measured: int, spacing: float, width: float, confidence: float) -> tuple[float, int]:
     """Expected number and 95 % limit of significant windows among ``measured`` ones on still ground.
 
-    Windows are discs of ``widths`` (m), ``spacing`` (m) apart. Discs that overlap share points, so that what exceeds
+    Windows are discs of ``width`` (m), ``spacing`` (m) apart. Discs that overlap share points, so that what exceeds
     its level comes in clumps; the limit is that of a Poisson distribution of clumps with the variance of the count.
     """
-    if not measured or not widths:
+    if not measured:
         return 0.0, 0
-    expected = measured * (1.0 - confidence ** len(widths))
-    clump = variance_factor(max(widths) / spacing, confidence)
+    expected = measured * (1.0 - confidence)
+    clump = variance_factor(width / spacing, confidence)
     return expected, math.floor(clump * float(stats.poisson.ppf(_SURE, expected / clump)))
 
 

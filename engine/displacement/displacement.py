@@ -18,6 +18,7 @@ from ..core.progress import Progress
 from ..grid.grid import Grid, snapped_grid
 from .components import Components, OneWay, held_one_way, on_the_map
 from .facets import Facets, find_facets
+from .gravity import is_uphill
 from .least_squares import Fit
 from .measure import Windows, judged
 from .near_ground import near_points
@@ -27,7 +28,7 @@ from .registered import Registered
 from .status import Status
 from .stored_ground import Ground, bounds_of, parts_of
 from .surface import kernel_of
-from .vectors import CommonMotion, Vectors, common_motion, in_the_map, joined, with_error
+from .vectors import CommonMotion, Vectors, common_motion, confidence_of_each, in_the_map, joined, with_error
 from .windows import Search, density, fitted_tiles, tiles
 from .zone_growth import moving_zones
 from .zones import Measured, MovingZone
@@ -39,9 +40,9 @@ StablePlaces = Callable[[Float], Bool]
 
 
 MIN_POINTS_PER_M2 = 20.0
-"""Ground points a m² of the map, of the sparser survey, below which vectors claim more than their errors allow: of
-still simulated windows 1 % at 20 and 30 points and 6 % at 10 and 5, of real airborne ones 6 to 25 % at 7 to 14
-(docs/displacement.md)."""
+"""Ground points a m² of the map, of the sparser survey, below which no vector and no zone is claimed: of still windows
+1 % would be where they are simulated and have 20 and 30 points, 6 % with 10 and 5, and of real airborne ones 6 to 25 %
+with 5 to 14 (docs/displacement.md)."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class Displacement:
         cell: (n,) flat index in ``grid`` of each window.
         vectors: (n windows), of whichever width tells more at each place; ``by_width`` are those of each width.
         facet: (n,) facet of each window; ``facets`` are they.
-        significant: (n,) whether a vector is significant.
-        zones: what moves as one, largest first.
+        significant: (n,) whether a vector is significant; nowhere where the surveys are too sparse to say so.
+        zones: what moves as one, largest first; ``doubtful`` what seems to move up the slope, and is no zone.
         common: the motion that most windows share, before it was taken off; None where too few were measured.
         stable: the motion of ground that is known to be stable; None where none is known or too little of it is seen.
         reference: what rests, whose motion was taken off all vectors, and its error, which they hold.
@@ -72,6 +73,7 @@ class Displacement:
     facets: Facets
     significant: Bool
     zones: tuple[MovingZone, ...]
+    doubtful: tuple[MovingZone, ...]
     common: CommonMotion | None
     stable: CommonMotion | None
     reference: Reference
@@ -85,6 +87,17 @@ class Displacement:
     def taken_off(self) -> Float:
         """(3,) east, north, up that was taken off all vectors, metres."""
         return self.reference.taken_off
+
+    @property
+    def significant_components(self) -> Bool:
+        """(k,) as ``significant``, of ``components``."""
+        return self.components.significant(self.confidence) & (self.points_per_m2 >= MIN_POINTS_PER_M2)
+
+    @property
+    def uphill(self) -> Bool:
+        """(n,) whether a vector points up the slope beyond its error, which makes it doubtful."""
+        error = np.sqrt(self.vectors.in_plane_covariance[:, 0, 0])
+        return is_uphill(self.vectors.axes[:, 0], self.vectors.in_plane[:, 0], error)
 
 
 def measure_displacement(
@@ -124,21 +137,32 @@ def measure_displacement(
     reference = Reference.of(registered, still or (common if parameters.subtract else None))
     error, taken_off = reference.at(places), reference.taken_off
     by_width = tuple(with_error(v, error, taken_off) for v in own)
-    vectors = joined(by_width, parameters.vector_confidence)
+    each = confidence_of_each(parameters.vector_confidence, len(by_width))
+    vectors = joined(by_width, each)
     components = on_the_map(one_way, vectors, error, taken_off)
-    significant = vectors.significant(parameters.vector_confidence)
+    dense = points >= MIN_POINTS_PER_M2
+    significant = vectors.significant(each) & dense
     independent = float(np.count_nonzero(own[0].measured | own[-1].measured) * overlap[0])
     columns = np.column_stack(np.divmod(cell, grid.columns)[::-1])
     columns[:, 1] = grid.rows - 1 - columns[:, 1]
     held = Measured((first, later), facets, facet, search, columns, parameters.spacing, sizes[-1].common, taken_off)
     progress.update(0.95, "looking for zones that move as one")
     still_errors = [with_error(v, np.zeros((3, 3)), taken_off) for v in own]
-    zones = moving_zones(still_errors, held, parameters.slide_area, reference.at)
+    groups = moving_zones(still_errors, held, parameters.slide_area, reference.at) if dense else []
+    rising = [_rises(zone, facets, facet) for zone in groups]
+    zones, doubtful = (
+        tuple(zone for zone, up in zip(groups, rising, strict=True) if up is wanted) for wanted in (False, True)
+    )
     progress.update(1.0)
     return Displacement(
-        grid, cell, vectors, by_width, facet, facets, significant, tuple(zones), common, still, reference,
+        grid, cell, vectors, by_width, facet, facets, significant, zones, doubtful, common, still, reference,
         search.kernel, points, independent, components, parameters.vector_confidence,
     )  # fmt: skip
+
+
+def _rises(zone: MovingZone, facets: Facets, facet: Index) -> bool:
+    dip = facets.frames[int(facet[zone.windows[0]])].axes[0]
+    return bool(is_uphill(dip, zone.in_plane[0], np.sqrt(zone.in_plane_covariance[0, 0])))
 
 
 def windows_of(first: Ground, later: Ground, facets: Facets, spacing: float) -> tuple[Grid, Index, Index, Float]:

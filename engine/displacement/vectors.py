@@ -91,6 +91,10 @@ class Vectors:
         """(n,) whether still ground shows such a motion with a probability of at most 1 - ``confidence``."""
         return np.asarray(np.nan_to_num(self.statistic) > threshold(confidence))
 
+    def p_value(self, widths: int) -> Float:
+        """(n,) probability that still ground shows such a motion in a window of any of so many ``widths``."""
+        return np.minimum(widths * np.exp(-self.statistic / 2), 1.0)
+
 
 def threshold(confidence: float) -> float:
     """Of ``Vectors.statistic``, which still ground stays below with that probability."""
@@ -127,20 +131,64 @@ def with_error(vectors: Vectors, error: Float, taken_off: Float | None = None) -
     return replace(vectors, motion=motion, covariance=vectors.covariance + error)
 
 
+def confidence_of_each(confidence: float, widths: int) -> float:
+    """With which each of so many widths is tested, so that still ground shows a motion in any as rarely as is meant."""
+    return 1.0 - (1.0 - confidence) / widths
+
+
+def likelihood_ratio(vectors: Vectors, motion: Float) -> Float:
+    """(n,) logarithm of how much more likely windows move by ``motion`` (2,) or (n, 2), along the dip and across it in
+    metres, than stand still; -infinity where either is not known.
+    """
+    own, covariance = vectors.in_plane[:, :2], vectors.in_plane_covariance[:, :2, :2]
+    wanted = np.broadcast_to(motion, own.shape)
+    found = np.full(len(own), -np.inf)
+    known = vectors.measured & np.isfinite(wanted).all(axis=1)
+    away = np.linalg.solve(covariance[known], wanted[known][..., None])[..., 0]
+    found[known] = (away * (own - wanted / 2)[known]).sum(axis=1)
+    return found
+
+
+def narrower_tells(narrow: Vectors, wide: Vectors, confidence: float) -> Bool:
+    """(n,) at which places the narrower window counts: the wide one has no motion, or none that is significant while
+    the narrow one has, and rather moves with it than stands still.
+
+    To take the narrow one wherever it is significant would choose its largest errors.
+
+    Args:
+        confidence: of each of both.
+    """
+    alone = narrow.significant(confidence) & ~wide.significant(confidence)
+    agrees = likelihood_ratio(wide, narrow.in_plane[:, :2]) > 0
+    return np.asarray((alone & agrees) | (~wide.measured & narrow.measured))
+
+
+def chosen(take: Bool, one: Vectors, other: Vectors) -> Vectors:
+    """``one`` at the places ``take`` (n,), the ``other`` elsewhere."""
+    return replace(
+        one,
+        **{
+            name: where(take, getattr(one, name), getattr(other, name))
+            for name in ("motion", "covariance", "status", "seen", "width")
+        },
+    )
+
+
+def where(take: Bool, one: Float, other: Float) -> Float:
+    """(n, ...) ``one`` at the places ``take`` (n,), the ``other`` elsewhere."""
+    return np.where(take.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+
 def joined(sizes: Sequence[Vectors], confidence: float) -> Vectors:
-    """Of each place the narrowest window whose motion is significant, else the widest that has one, else its reason."""
-    chosen = sizes[-1]
+    """Of each place the widest window, else a narrower one where that tells more.
+
+    Args:
+        confidence: of each width.
+    """
+    found = sizes[-1]
     for narrower in reversed(sizes[:-1]):
-        take = narrower.significant(confidence) | (~chosen.measured & narrower.measured)
-        chosen = replace(
-            chosen,
-            motion=np.where(take[:, None], narrower.motion, chosen.motion),
-            covariance=np.where(take[:, None, None], narrower.covariance, chosen.covariance),
-            status=np.where(take, narrower.status, chosen.status),
-            seen=np.where(take, narrower.seen, chosen.seen),
-            width=np.where(take, narrower.width, chosen.width),
-        )
-    return chosen
+        found = chosen(narrower_tells(narrower, found, confidence), narrower, found)
+    return found
 
 
 def common_motion(vectors: Vectors, independent: float, among: Bool | None = None) -> CommonMotion | None:

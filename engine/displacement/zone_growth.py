@@ -11,7 +11,7 @@ from scipy import ndimage, spatial
 from ..core.arrays import Bool, Float, Index
 from .frame import Frame
 from .scan import Layout, Peak, map_probability, peaks, trials_of
-from .vectors import Vectors, common_motion
+from .vectors import Vectors, common_motion, likelihood_ratio
 from .zones import FitPlan, Measured, MovingZone, fit_zone
 
 MAX_ZONE_PROBABILITY = 0.03
@@ -126,7 +126,7 @@ def _moving_with(motion: Float, field: _Field, left: Sequence[Bool], mine: Bool,
     ratio = np.zeros(len(mine))
     for vectors, usable in zip(field.widths, left, strict=True):
         use = usable & mine
-        ratio[use] += _likelihood_ratio(vectors, use, motion)
+        ratio[use] += likelihood_ratio(vectors, motion)[use]
     moving = mine & (ratio > np.where(near, 0.0, _FARTHER_ODDS))
     cells = field.layout.cells - field.layout.cells.min(axis=0)
     taken = np.zeros(cells.max(axis=0) + 1, dtype=bool)
@@ -136,13 +136,6 @@ def _moving_with(motion: Float, field: _Field, left: Sequence[Bool], mine: Bool,
     if not len(seeds):
         return np.zeros(0, dtype=np.int64)
     return np.flatnonzero(moving & (label == np.argmax(np.bincount(seeds))))
-
-
-def _likelihood_ratio(vectors: Vectors, use: Bool, motion: Float) -> Float:
-    """Logarithm, of the windows ``use`` (n,): that they move by ``motion`` (2,) over that they stand still."""
-    own, covariance = vectors.in_plane[use][:, :2], vectors.in_plane_covariance[use][:, :2, :2]
-    away = np.linalg.solve(covariance, np.broadcast_to(motion, own.shape)[..., None])[..., 0]
-    return np.asarray((away * (own - motion / 2)).sum(axis=1))
 
 
 def _take_out(windows: Index, peak: Peak, field: _Field, left: Sequence[Bool]) -> None:

@@ -109,7 +109,7 @@ def motion_section(
         magnification=every * times,
     )
     text = (
-        "Map of motion along the surface: arrows of the significant vectors with the ellipses of their errors, the "
+        "Map of motion along the surface: arrows of the vectors beyond chance with the ellipses of their errors, the "
         "zones that move as one outlined, and grey where nothing is known of motion"
     )
     sections = _sections(files, vectors, zones, epochs) if files.heights.is_file() and len(zones) else ()

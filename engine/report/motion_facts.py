@@ -9,7 +9,7 @@ from scipy import stats
 
 from ...interface.parameters import DisplacementParameters
 from ..core.arrays import Float
-from ..displacement.chance import chance_vectors
+from ..displacement.chance import beyond_chance, chance_vectors
 from ..displacement.displacement import MIN_POINTS_PER_M2, Displacement
 from ..displacement.registered import Registered
 from ..displacement.status import REASONS, Status
@@ -94,8 +94,17 @@ def doubts(found: Displacement, parameters: DisplacementParameters, *, stable_gi
     if found.points_per_m2 < MIN_POINTS_PER_M2:
         sentences.append(
             f"The sparser survey has {found.points_per_m2:.2g} ground points a m²; with less than "
-            f"{MIN_POINTS_PER_M2:g} the errors are too small on real ground: doubt single vectors and zones."
+            f"{MIN_POINTS_PER_M2:g} the errors are too small on real ground, so that no vector and no zone is claimed."
         )
+    for zone in found.doubtful:
+        x, y = found.vectors.places[zone.windows, :2].mean(axis=0)
+        sentences.append(
+            f"Ground of {zone.area:.0f} m² around {x:.1f}, {y:.1f} seems to move {-zone.in_plane[0]:.3f} m up the "
+            "slope. This is doubtful and no zone, as gravity moves nothing uphill: check registration and vegetation."
+        )
+    against = int(np.count_nonzero(found.uphill & beyond_chance(found)))
+    if against:
+        sentences.append(f"Vectors that point up the slope beyond their error, and are doubtful: {against}.")
     if stable_given and found.stable is None:
         sentences.append(
             "The polygons of stable ground hold fewer than five windows with a motion, so that nothing was taken off; "

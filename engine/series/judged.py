@@ -10,6 +10,7 @@ import numpy as np
 from ..change.result import Change
 from ..change.season import explained_by_plants
 from ..core.arrays import Bool, Float
+from ..displacement.gravity import is_uphill
 from ..statistics.normal import Z95
 from .alerts import AlertLevel
 from .level_history import Displacements, LevelHistory, level_history
@@ -17,7 +18,6 @@ from .motion.zones import MovingGround
 from .zone_series import Course, ZoneSeries
 
 _MAX_PLANT_LIKE_SHARE = 0.5  # of a zone's measured cells: with more, its change may be that of the vegetation
-_MIN_INCLINATION_DEG = 10.0  # below it ground heaves at the toe of a slide, and the dip is no direction to go by
 
 
 def judged_zones(
@@ -97,7 +97,7 @@ def _heights(zone: ZoneSeries, days: Float, plants: Bool) -> Displacements:
 
 
 def _of_motion(ground: MovingGround, moved: Bool, days: Float, alerts: tuple[AlertLevel, ...]) -> LevelHistory:
-    if is_uphill(ground):
+    if moves_uphill(ground):
         reason = f"doubtful: the motion is uphill, {abs(ground.off_dip):.0f} degrees off the dip"
         return LevelHistory((0,) * len(days), ("",) * len(days), (reason,) * len(days))
     none = np.zeros(len(days))
@@ -106,12 +106,12 @@ def _of_motion(ground: MovingGround, moved: Bool, days: Float, alerts: tuple[Ale
     )
 
 
-def is_uphill(ground: MovingGround) -> bool:
-    """Whether ground on a slope moves against gravity beyond chance: a fault of the surveys, for all that is known."""
+def moves_uphill(ground: MovingGround) -> bool:
+    """Whether ground moves against gravity, see ``is_uphill``, until the last survey that shows it."""
     dip = ground.axes[0]
     last = int(np.flatnonzero(np.isfinite(ground.along))[-1])
     error = float(np.sqrt(dip @ ground.covariance[last, :, last] @ dip))
-    return bool(abs(dip[2]) > np.sin(np.radians(_MIN_INCLINATION_DEG)) and ground.motion[last] @ dip < -Z95 * error)
+    return bool(is_uphill(dip, ground.motion[last] @ dip, np.asarray(error)))
 
 
 def _higher(heights: LevelHistory, along: LevelHistory, leads: bool) -> LevelHistory:

@@ -18,6 +18,7 @@ from scipy import optimize, stats
 from scipy.special import ndtr
 
 from ..core.arrays import Float
+from ..displacement.gravity import is_uphill
 
 SANK, BULGED, SLID, LOST, GAINED, UNDECIDED = "sank", "bulged", "slid", "lost", "gained", "undecided"
 MOVEMENTS = (SLID, SANK, BULGED, LOST, GAINED, UNDECIDED)
@@ -102,11 +103,19 @@ def decide(evidence: Evidence, confidence: float = 0.99) -> Verdict:
     whole[:2, :2], whole[2, 2] = evidence.covariance + uneven * np.eye(2), evidence.normal_error**2
     without_sliding = sliding_probability(evidence.along, evidence.normal, whole, evidence.slope_deg)
     if without_sliding < by_chance:
-        return Verdict(SLID, 1.0 - without_sliding)
+        return Verdict(UNDECIDED if _rises(evidence) else SLID, 1.0 - without_sliding)
     unseen = _SEEN_ERRORS * math.sqrt(float(np.linalg.eigvalsh(evidence.covariance)[-1]))
     if sure_of_normal < confidence or unseen > abs(evidence.normal):
         return Verdict(UNDECIDED, sure_of_normal)
     return Verdict(SANK if evidence.normal < 0 else BULGED, min(sure_of_normal, same))
+
+
+def _rises(evidence: Evidence) -> bool:
+    """Whether it moves along the surface against gravity."""
+    assert evidence.along is not None
+    assert evidence.covariance is not None
+    dip = np.array([0.0, 0.0, -math.sin(math.radians(evidence.slope_deg))])
+    return bool(is_uphill(dip, evidence.along[0], np.sqrt(evidence.covariance[0, 0])))
 
 
 def _same_ground(evidence: Evidence) -> float | None:

@@ -10,7 +10,7 @@ from slopewatch.benchmarks.displacement_rows import Windows, moving_rows, other_
 def still(error: list[list[float]], stated: float, usable: float = 0.5, zones: int = 0) -> dict:
     found = np.array(error)
     windows = Windows(found, np.full(found.shape, stated), ((found / stated) ** 2).sum(axis=1), usable).as_lists()
-    return {"windows": {"5": windows, "8": windows}, "zones": zones, "seconds": 2.0}
+    return {"windows": {"5": windows, "8": windows}, "zones": zones, "reported": [1, 0, 50], "seconds": 2.0}
 
 
 def test_errors_and_their_honesty_are_of_all_windows_of_all_maps():
@@ -34,6 +34,8 @@ def test_false_zones_are_counted_on_maps_with_and_without_plants():
     pairs = [{"still": still([[0.0, 0.0]], 0.01, zones=z)} for z in (0, 2)]
     rows = still_rows(pairs, [0, 2, 1, 0, 0], {5.0: (20.0, 27.0)})
     (zones,) = [row for row in rows if row.figure == "still maps with a zone"]
+    (reported,) = [row for row in rows if "as they are reported" in row.figure]
+    assert (reported.value, reported.peer, reported.met) == ("2.00 % of 100", "0 are drawn", False)
     assert (zones.value, zones.peer, zones.met) == ("2 of 5", "1 of 2 under plants, 1 of 3 bare", False)
 
 

@@ -109,7 +109,7 @@ def test_single_vectors_are_named_with_what_chance_gives() -> None:
     single = {**SLIDES, "moving_zone_count": 0, "significant_vectors": 2, "chance_vectors": 3.4}
     assert said("inspect", {**CHANGE, **single, "chance_vectors_most": 7})[1] == (
         "No zone that moves along the surface was found. Single vectors that are significant: 2, no more than chance "
-        "gives (3.4 expected, up to 7 on 95 % of still slopes)."
+        "gives (3.4 expected, up to 7 on 95 % of still slopes). They are not drawn."
     )
     more = said("inspect", {**CHANGE, **single, "chance_vectors_most": 1})[1]
     assert "more than chance gives (3.4 expected, up to 1 on 95 % of still slopes); look where they lie." in more

@@ -198,7 +198,7 @@ def test_areas_and_volumes_of_zone_and_footprint_stand_side_by_side(made: Path) 
     assert metrics["zone_net_m3"] == pytest.approx(zone["zone_net_m3"])
     page = (made / "report.html").read_text(encoding="utf-8")
     places = [
-        page.index(f'data-from="/zones/0/{name}"') for name in ("area_m2", "zone_net_m3", "vol_area_m2", "vol_net_m3")
+        page.index(f'data-from="/zones/0/{name}"') for name in ("area_m2", "vol_area_m2", "zone_net_m3", "vol_net_m3")
     ]
     assert places == sorted(places)
     assert places[-1] - places[0] < 1000

@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from ...engine.core.arrays import Bool, Float, Index
 from ...engine.core.staged_outputs import Stage
-from ...engine.displacement.chance import chance_vectors
+from ...engine.displacement.chance import beyond_chance, chance_vectors
 from ...engine.displacement.displacement import Displacement
 from ...engine.displacement.status import REASONS, Status
 from ...engine.displacement.vectors import Vectors
@@ -40,13 +40,14 @@ _LIMIT_QUANTILE = 0.98
 def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run) -> dict[str, Path]:
     """Write all of them, zones with their places on the run's road; the paths by key."""
     stage = run.stage
-    outputs = write_rasters(found.vectors, found.significant, found.grid, found.cell, crs, tags, stage)
+    shown = beyond_chance(found)
+    outputs = write_rasters(found.vectors, shown, found.grid, found.cell, crs, tags, stage)
     path = stage.path("displacement.gpkg")
-    times = displacement_styles.magnification(found.vectors.motion[found.significant], found.grid.cell)
+    times = displacement_styles.magnification(found.vectors.motion[shown], found.grid.cell)
     zones = run.related.placed(zones_layer(found, crs), run.progress)
     layers = [
         Layer(
-            vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(times), geometry_type="Point"
+            vectors_layer(found, shown, crs), "vectors", displacement_styles.vectors_qml(times), geometry_type="Point"
         ),
         Layer(
             zones, "zones", displacement_styles.moving_zones_qml(times),
@@ -147,9 +148,8 @@ def _turn(length: Float, across: Float, covariance: Float) -> Float:
     return np.asarray(np.degrees(np.arctan2(error, length)))
 
 
-def vectors_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
-    """The significant vectors as points, one row each."""
-    use = found.significant
+def vectors_layer(found: Displacement, use: Bool, crs: CRS) -> gpd.GeoDataFrame:
+    """The vectors ``use`` (n,) as points, one row each."""
     vectors = found.vectors
     errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance[use]))
     table: dict[str, Any] = directions(vectors.motion[use], vectors.covariance[use]) | {
@@ -159,16 +159,17 @@ def vectors_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
         "along_dip_err_m": errors[:, 0],
         "across_err_m": errors[:, 1],
         "normal_err_m": errors[:, 2],
-        "p_value": np.exp(-vectors.statistic[use] / 2),
+        "p_value": vectors.p_value(len(found.by_width))[use],
         "window_m": vectors.width[use],
         "seen_share": vectors.seen[use],
+        "doubtful": found.uphill[use].astype(np.int64),
     }
     return gpd.GeoDataFrame(pd.DataFrame(table), geometry=shapely.points(vectors.places[use, :2]), crs=crs)
 
 
 def one_direction_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     """The significant components of motion where relief holds one direction only, as points, one row each."""
-    use = found.components.significant(found.confidence)
+    use = found.significant_components
     parts = found.components
     vector = parts.direction[use] * parts.amount[use, None]
     columns = directions(vector, np.zeros((int(use.sum()), 3, 3)))
@@ -236,7 +237,7 @@ def main_figures(found: Displacement) -> dict[str, Any]:
         "significant_vectors": int(found.significant.sum()),
         "chance_vectors": expected,
         "chance_vectors_most": most,
-        "one_direction_vectors": int(found.components.significant(found.confidence).sum()),
+        "one_direction_vectors": int(found.significant_components.sum()),
         "moving_zone_count": len(found.zones),
         "moving_area_m2": float(sum(zone.area for zone in found.zones)),
         "fastest_zone_m": None if fastest is None else float(np.linalg.norm(fastest.motion)),

@@ -16,7 +16,7 @@ from ...engine.core.arrays import Bool, Float
 from ...engine.core.staged_outputs import Stage
 from ...engine.core.version import VERSION
 from ...engine.crs.working_frame import horizontal
-from ...engine.displacement.vectors import Vectors, threshold
+from ...engine.displacement.vectors import Vectors, confidence_of_each, threshold
 from ...engine.grid import geotiff
 from ...engine.grid.grid import on_grid
 from ...engine.maps import displacement_styles
@@ -45,7 +45,7 @@ def write_motion(
     tags = geotiff.raster_tags(
         epochs=(about.dates[0], about.dates[-1]), software=f"SlopeWatch {VERSION}", input_sha256=" ".join(hashes)
     )
-    limit = threshold(motion.parameters.vector_confidence)
+    limit = threshold(confidence_of_each(motion.parameters.vector_confidence, field.widths))
     moving = field.significant[-1]
     spacing = field.layout.grid.cell
     shown = last.measured & (moving | (np.nan_to_num(last.statistic) > limit))
@@ -57,7 +57,7 @@ def write_motion(
     ids = {z.motion.ground.zone_id: z.track.zone_id for z in zones if z.motion is not None}
     layers = [
         # the first has no times: GDAL would write those of the first layer alone with a Z
-        Layer(_velocities(velocity, fast, about), "velocities",
+        Layer(_velocities(velocity, fast, field.widths, about), "velocities",
               displacement_styles.velocities_qml(times_a_day), "Point"),
         Layer(_moves(field, field.motion, field.covariance, moving, limit, about), "vectors",
               displacement_styles.vectors_qml(times, temporal=True), "Point"),
@@ -111,7 +111,7 @@ def _moves(
         vectors = field.vectors(motion[:, survey], covariance[:, survey])
         significant = np.nan_to_num(vectors.statistic) > limit
         use = np.flatnonzero(vectors.measured & (significant | moving))
-        table = pd.DataFrame(_columns(vectors, use) | {"significant": significant[use].astype(np.int64)})
+        table = pd.DataFrame(_columns(vectors, use, field.widths) | {"significant": significant[use].astype(np.int64)})
         tables.append(table.assign(**_time(about, survey)))
         places.append(vectors.places[use, :2])
     return gpd.GeoDataFrame(
@@ -121,7 +121,7 @@ def _moves(
     )
 
 
-def _columns(vectors: Vectors, use: Any) -> dict[str, Float]:
+def _columns(vectors: Vectors, use: Any, widths: int) -> dict[str, Float]:
     errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance[use]))
     plane = vectors.in_plane[use]
     return directions(vectors.motion[use], vectors.covariance[use]) | {
@@ -131,15 +131,15 @@ def _columns(vectors: Vectors, use: Any) -> dict[str, Float]:
         "along_dip_err_m": errors[:, 0],
         "across_err_m": errors[:, 1],
         "normal_err_m": errors[:, 2],
-        "p_value": np.exp(-vectors.statistic[use] / 2),
+        "p_value": vectors.p_value(widths)[use],
         "window_m": vectors.width[use],
     }
 
 
-def _velocities(velocity: Vectors, fast: Bool, about: About) -> gpd.GeoDataFrame:
+def _velocities(velocity: Vectors, fast: Bool, widths: int, about: About) -> gpd.GeoDataFrame:
     """One row a window whose velocity is significant, millimetres a day."""
     use = np.flatnonzero(fast)
-    columns = _columns(velocity, use)
+    columns = _columns(velocity, use, widths)
     table = {name: value for name, value in columns.items() if not name.endswith("_m")}
     for name, value in columns.items():
         if name.endswith("_m") and name != "window_m":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,17 @@ from ...displacement.displacement import StablePlaces
 from ...displacement.measure import Windows
 from ...displacement.registered import Registered
 from ...displacement.status import Status
-from ...displacement.vectors import CommonMotion, Vectors, common_motion, in_the_map, squared_length
+from ...displacement.vectors import (
+    CommonMotion,
+    Vectors,
+    chosen,
+    common_motion,
+    confidence_of_each,
+    in_the_map,
+    narrower_tells,
+    squared_length,
+    where,
+)
 from .network import AXES, Adjusted, Links, Measured, Noise, adjust, batches, noise_of
 from .windows import Layout, PairMotion
 
@@ -93,6 +103,11 @@ class Field:
     references: References
     independent: float
 
+    @property
+    def widths(self) -> int:
+        """How many widths of windows were tried."""
+        return len(self.noise)
+
     def vectors(self, motion: Float, covariance: Float) -> Vectors:
         """Motions (n, 3) of the windows with their covariances as vectors."""
         last = self.looks[-1]
@@ -147,14 +162,14 @@ def motion_field(
     looks, significant = [], []
     arrays = sizes[-1].arrays
     for last in range(1, len(surveys.days)):
-        confidence = confidence_of(last, parameters.vector_confidence)
+        confidence = confidence_of_each(confidence_of(last, parameters.vector_confidence), len(sizes))
         joined = sizes[-1].looks[last - 1]
         for narrower in reversed(sizes[:-1]):
             own = narrower.looks[last - 1]
-            take = own.significant(confidence) | (~joined.measured & own.measured)
-            joined = _chosen(take, own, joined)
+            take = narrower_tells(own, joined, confidence)
+            joined = chosen(take, own, joined)
             if last == len(surveys.days) - 1:
-                arrays = {name: _where(take, narrower.arrays[name], value) for name, value in arrays.items()}
+                arrays = {name: where(take, narrower.arrays[name], value) for name, value in arrays.items()}
         looks.append(joined)
         significant.append(joined.significant(confidence))
     measured = np.count_nonzero(np.any([size.looks[-1].measured for size in sizes], axis=0))
@@ -268,18 +283,3 @@ def _keep(arrays: dict[str, Float], places: Index, done: Adjusted, axes: Float) 
             step = own + before - cross - np.swapaxes(cross, 1, 2)
             arrays["step"][places, k] = _in_plane(back, done.motion[:, k] - done.motion[:, k - 1])
             arrays["step_covariance"][places, k] = back @ step @ axes
-
-
-def _chosen(take: Bool, one: Vectors, other: Vectors) -> Vectors:
-    return replace(
-        one,
-        motion=_where(take, one.motion, other.motion),
-        covariance=_where(take, one.covariance, other.covariance),
-        status=np.where(take, one.status, other.status),
-        seen=_where(take, one.seen, other.seen),
-        width=_where(take, one.width, other.width),
-    )
-
-
-def _where(take: Bool, one: Float, other: Float) -> Float:
-    return np.where(take.reshape(-1, *[1] * (one.ndim - 1)), one, other)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
-from slopewatch.engine.displacement.chance import counts_by_chance, variance_factor
+from slopewatch.engine.displacement.chance import beyond_chance, chance_vectors, counts_by_chance, variance_factor
+from slopewatch.engine.displacement.displacement import Displacement, measure_displacement
+from slopewatch.engine.displacement.registered import Registered
+from slopewatch.engine.displacement.zones import MovingZone
+from slopewatch.interface.parameters import DisplacementParameters
+from slopewatch.tests.builders.rough_ground import relief, sampled
 
 
 def counts(width: int, confidence: float, maps: int, side: int, seed: int = 3) -> np.ndarray:
@@ -29,15 +36,38 @@ def counts(width: int, confidence: float, maps: int, side: int, seed: int = 3) -
 @pytest.mark.parametrize(("width", "side"), [(1, 20), (3, 20), (4, 16)])
 def test_expected_count_its_scatter_and_its_limit(width: int, side: int) -> None:
     drawn = counts(width, 0.99, 400, side)
-    expected, most = counts_by_chance(side * side, 1.0, [float(width)], 0.99)
+    expected, most = counts_by_chance(side * side, 1.0, float(width), 0.99)
     assert expected == pytest.approx(0.01 * side * side)
     assert drawn.mean() == pytest.approx(expected, rel=0.15)
     assert drawn.var() / expected == pytest.approx(variance_factor(float(width), 0.99), rel=0.25)
     assert 0.92 <= (drawn <= most).mean() <= 0.99
 
 
-def test_two_widths_try_twice_and_windows_apart_are_independent() -> None:
-    expected, _ = counts_by_chance(1000, 2.0, [4.0, 8.0], 0.99)
-    assert expected == pytest.approx(1000 * (1 - 0.99**2))
+def test_windows_apart_are_independent() -> None:
     assert variance_factor(0.9, 0.99) == 1.0
-    assert counts_by_chance(0, 1.0, [4.0], 0.99) == (0.0, 0)
+    assert counts_by_chance(0, 1.0, 4.0, 0.99) == (0.0, 0)
+
+
+@pytest.fixture(scope="module")
+def still() -> Displacement:
+    heights = relief(14.0, 0.15, seed=11)
+    return measure_displacement(
+        *(sampled(heights, 60.0, 0.02, seed) for seed in (1, 2)), DisplacementParameters(), Registered.unknown()
+    )
+
+
+def claiming(found: Displacement, count: int) -> Displacement:
+    return replace(found, significant=np.arange(len(found.significant)) < count)
+
+
+def test_vectors_as_many_as_chance_makes_are_not_shown_and_more_are(still: Displacement) -> None:
+    most = chance_vectors(still)[1]
+    assert most >= 1
+    assert not beyond_chance(claiming(still, most)).any()
+    assert beyond_chance(claiming(still, most + 1)).sum() == most + 1
+
+
+def test_vectors_of_a_zone_are_shown_however_few(still: Displacement) -> None:
+    zone = MovingZone(np.array([0, 1]), 8.0, *[np.zeros(3), np.eye(3)] * 2, 0.01, 8.0)
+    shown = beyond_chance(replace(claiming(still, 1), zones=(zone,)))
+    assert np.flatnonzero(shown).tolist() == [0]

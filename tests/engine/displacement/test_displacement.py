@@ -8,6 +8,7 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.displacement.displacement import Displacement, measure_displacement
 from slopewatch.engine.displacement.registered import Registered
 from slopewatch.engine.displacement.status import Status
+from slopewatch.engine.report.motion_facts import doubts
 from slopewatch.interface.parameters import DisplacementParameters
 from slopewatch.tests.builders.rough_ground import axes, in_the_map, relief, sampled
 
@@ -54,10 +55,31 @@ def test_the_zone_s_vector_is_that_of_all_its_ground(moved):
 def test_still_ground_shows_no_vectors_and_no_zone(ground):
     found = measured(*ground)
     assert found.vectors.measured.sum() > 30
-    assert found.significant.mean() < 0.06
+    assert found.significant.mean() < 0.03
     assert found.zones == ()
+    assert found.doubtful == ()
     assert np.abs(found.common.motion).max() < 0.015
     assert found.common.share > 0.9
+
+
+def test_ground_that_seems_to_move_up_the_slope_is_doubtful_and_no_zone(ground):
+    found = measured(ground[0], ground[1] - 0.15 * axes()[0])
+    assert found.zones == ()
+    (doubtful,) = found.doubtful
+    assert doubtful.in_plane[0] == pytest.approx(-0.15, abs=0.02)
+    assert found.uphill[found.significant].mean() > 0.9
+    said = doubts(found, DisplacementParameters(), stable_given=False)
+    assert any("up the slope. This is doubtful and no zone" in sentence for sentence in said)
+
+
+def test_sparse_surveys_claim_no_vector_and_no_zone():
+    heights = relief(SIDE_M, 0.15, seed=5)
+    first, later = (sampled(heights, 12.0, 0.02, seed) for seed in (1, 2))
+    found = measured(first, later + 0.5 * axes()[0])
+    assert found.points_per_m2 < 20
+    assert (found.vectors.statistic[found.vectors.measured] > 20).any()
+    assert not found.significant.any()
+    assert found.zones == ()
 
 
 def test_only_what_moves_has_vectors(ground):

@@ -55,6 +55,7 @@ def draw(layer, file, background, day=""):
 
 draw(named("vectors"), "dark.png", "#4a1208")
 draw(named("velocities"), "velocities.png", "white")
+draw(named("doubted"), "doubted.png", "white")
 draw(named("zones"), "zones.png", "white")
 draw(QgsRasterLayer(folder + "/displacement.tif", "motion"), "raster.png", "white")  # finds its style by itself
 for day in ("2024-05-31", "2024-06-01", "2024-06-30", "2024-07-01"):
@@ -101,11 +102,13 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     zone = motion([(5.0, 5.0)], [0.3]).assign(zone_id="M001", area_m2=60.0, off_dip_deg=1.0, p_map=0.0)
     zone = zone.set_geometry([shapely.MultiPolygon([shapely.box(X0 + 2, Y0 + 2, X0 + 12, Y0 + 8)])], crs="EPSG:32651")
     velocities = motion([(5.0, 7.5)], [2.0], "mm_day")
+    arrows = displacement_styles.vectors_qml(20.0)
     write_layers(
         folder / "motion.gpkg",
         [
             Layer(velocities, "velocities", displacement_styles.velocities_qml(2000.0), "Point"),
-            Layer(motion([(5.0, 7.5)], [0.2]), "vectors", displacement_styles.vectors_qml(20.0), "Point"),
+            Layer(motion([(5.0, 7.5)], [0.2]).assign(doubtful=0), "vectors", arrows, "Point"),
+            Layer(motion([(5.0, 5.0), (5.0, 10.0)], [0.2, 0.2]).assign(doubtful=[1, 0]), "doubted", arrows, "Point"),
             Layer(zone, "zones", displacement_styles.moving_zones_qml(20.0), "MultiPolygon"),
             Layer(moves, "moves", displacement_styles.vectors_qml(20.0, temporal=True), "Point"),
         ],
@@ -134,6 +137,14 @@ def test_an_arrow_is_as_long_as_its_motion_by_its_magnification_and_has_a_light_
     assert len(red) >= 1
     assert light.min() < red.min()
     assert light.max() > red.max()
+
+
+def test_a_doubtful_arrow_is_pale(drawn: Path) -> None:
+    rows = np.flatnonzero(near(drawn / "doubted.png", RED).any(axis=1))
+    assert rows.mean() == pytest.approx(600 - 40 * 10.0, abs=4)
+    pale = np.asarray(Image.open(drawn / "doubted.png").convert("RGB")).astype(int)[600 - 5 * 40, 5 * 40 + 60]
+    assert 180 < pale[0] <= 255
+    assert 130 < pale[1] < 240
 
 
 def test_motion_within_its_error_is_pale_in_the_raster(drawn: Path) -> None:

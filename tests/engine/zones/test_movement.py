@@ -28,6 +28,12 @@ KNOWN = Evidence(-0.2, 0.01, np.array([0.2 * TANGENT, 0.0]), SMALL, 1.0, 0.1, SL
 ORIGIN = Origin((date(2024, 5, 1), date(2024, 5, 11)), "a method", "a run")
 
 
+def test_ground_that_seems_to_slide_up_the_slope_is_undecided():
+    along = np.array([0.3, 0.0])
+    assert decide(replace(KNOWN, normal=0.0, along=along)).movement == SLID
+    assert decide(replace(KNOWN, normal=0.0, along=-along)).movement == UNDECIDED
+
+
 def test_ground_that_sinks_straight_down_or_along_the_normal_did_not_slide():
     assert decide(KNOWN).movement == SANK
     assert decide(replace(KNOWN, along=np.zeros(2))).movement == SANK
