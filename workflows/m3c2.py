@@ -31,24 +31,15 @@ from ..engine.m3c2.level import calibrated, level_facts, report_level
 from ..engine.m3c2.measuring import Measuring, beyond_cylinder, measure
 from ..engine.m3c2.scales import Scales, choose_scales
 from ..engine.m3c2.surveys import Survey
-from ..engine.m3c2.zones import face_zones
 from ..engine.pointcloud.reading import open_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
 from ..engine.zones.extraction import Origin
+from ..engine.zones.face_zones import face_zones
 from ..interface.parameters import AUTO, DistanceParameters, given
 from .known_registration import KnownRegistration, given_registration
 from .m3c2_clouds import Cores, choose_cores, read_clouds, refuse_memory_early
 from .pair import SPOOL, dated_pair, stable_area
-from .products.m3c2 import (
-    RASTERS,
-    VOLUMES,
-    ZONES,
-    dimensions,
-    main_figures,
-    median_level_95,
-    write_face_zones,
-    write_rasters,
-)
+from .products.m3c2 import MAPS, dimensions, main_figures, median_level_95, write_face_zones, write_rasters
 from .run import Run, record_name_of
 from .settings import DistanceSettings, groups
 
@@ -96,21 +87,19 @@ def m3c2_step(
     epochs = dated_pair(reference, moving, dates)
     refuse_other_than_cloud(output)
     refuse_unwritable(output)
-    raster_files = [*(f"{name}.tif" for name in RASTERS), ZONES, VOLUMES]
-    if raster_dir is not None:
-        refuse_results(raster_dir, raster_files, overwrite=overwrite)
     folder, record_name = output.absolute().parent, record_name_of(output)
+    if raster_dir is not None:
+        refuse_results(raster_dir, MAPS, overwrite=overwrite)
     raster_dir = folder if raster_dir is None else raster_dir.absolute()
-    optional = [("core", core), ("transform", transform_path), ("stable", stable)]
-    inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
+    inputs = [(f"epoch {e.name}", e.path) for e in epochs]
+    inputs += [("core", core), ("transform", transform_path), ("stable", stable)]
     run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones"), inputs, progress)
-    run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in raster_files)])
+    run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in MAPS)])
     _check_given(parameters, core, stable, progress)
     check_pair(*epochs)
     registered = given_registration(transform_path)
     _refuse_clouds(run, epochs, core, settings)
-    hashes = run.hash_inputs()[:2]
-    registered = registered.or_recorded(moving, hashes, progress)
+    registered = registered.or_recorded(moving, hashes := run.hash_inputs()[:2], progress)
     if registered.transform is not None:
         run.facts["transform"] = registered.transform.matrix
     error = _registration_error(parameters, registered, progress)
@@ -137,9 +126,7 @@ def m3c2_step(
             progress.update(0.5, "outlining zones")
             origin = Origin((epochs[0].date, epochs[1].date), "distance along the normal (M3C2)", run.run_id(hashes))
             zones = face_zones(found, cell, clouds.crs, settings.zones, origin=origin)
-            files, figures = write_face_zones(zones, epochs[1].date, run.stage_in(raster_dir))
-            run.outputs |= files
-        run.figures = _figures(found, scales, parameters) | figures
+            run.figures = _figures(found, scales, parameters) | write_face_zones(run, zones, epochs[1].date, raster_dir)
     return run.result()
 
 

@@ -17,16 +17,18 @@ from ...engine.core.staged_outputs import Stage
 from ...engine.grid import geotiff
 from ...engine.grid.grid import Grid, cell_index, snapped_grid
 from ...engine.m3c2.distances import Distances, Status
-from ...engine.m3c2.zones import FaceZones
 from ...engine.maps import palette, qgis_styles
 from ...engine.statistics.normal import quantile
 from ...engine.statistics.robust import nmad
+from ...engine.zones.face_zones import FaceZones
 from ...engine.zones.gcd_table import table_frame, volume_table, write_volume_table
+from ..run import Run
 from .masked_raster import Legend, write_masked_raster
 from .zones import write_zones, zone_figures
 
 ZONES, VOLUMES = "m3c2_zones.gpkg", "m3c2_volumes.csv"
 RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
+MAPS = (*(f"{name}.tif" for name in RASTERS), ZONES, VOLUMES)
 _MAX_CELLS = 50_000_000
 
 
@@ -113,9 +115,9 @@ def write_rasters(
     return outputs
 
 
-def write_face_zones(found: FaceZones, stamp: date | None, stage: Stage) -> tuple[dict[str, Path], dict[str, Any]]:
-    """Write zones and table of volumes into ``stage``; the final paths by name, and the main figures."""
-    zones = found.zones
+def write_face_zones(run: Run, found: FaceZones, stamp: date | None, folder: Path) -> dict[str, Any]:
+    """Write zones and table of volumes into ``folder``; ``run`` gets their paths. Returns the main figures."""
+    zones, stage = found.zones, run.stage_in(folder)
     table = volume_table(found.cells, found.significant, zones.volumes, zones.correlation)
     write_zones(
         stage.path(ZONES),
@@ -126,8 +128,8 @@ def write_face_zones(found: FaceZones, stamp: date | None, stage: Stage) -> tupl
         stamp=stamp,
     )
     write_volume_table(stage.path(VOLUMES), table)
-    figures = {**zone_figures(zones.frame), "unsure_groups": len(zones.unsure)}
-    return {"m3c2_zones": stage.final(ZONES), "m3c2_volumes": stage.final(VOLUMES)}, figures | table.figures()
+    run.outputs |= {"m3c2_zones": stage.final(ZONES), "m3c2_volumes": stage.final(VOLUMES)}
+    return {**zone_figures(zones.frame), "unsure_groups": len(zones.unsure)} | table.figures()
 
 
 def median_level_95(found: Distances) -> float:

@@ -9,7 +9,7 @@ from slopewatch.engine.m3c2.distances import Cylinder, Distances, LevelTerms, m3
 from slopewatch.engine.m3c2.lattice import Lattice
 from slopewatch.engine.m3c2.level import calibrated
 from slopewatch.engine.m3c2.normals import fit_planes
-from slopewatch.engine.m3c2.zones import FaceCells, FaceZones, face_zones
+from slopewatch.engine.zones.face_zones import FaceCells, FaceZones, face_zones
 
 SIDE_M, RADIUS_M, SPACING_M, ERROR_M = 16.0, 0.3, 0.25, 0.003
 CHANGES = ((4.0, 4.0, 2.0, 0.08), (11.0, 5.0, 2.0, -0.08), (5.0, 11.5, 2.5, 0.15), (11.5, 11.5, 1.5, -0.2))

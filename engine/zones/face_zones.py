@@ -17,12 +17,12 @@ from ..change.difference import uniform_shift
 from ..core.arrays import Bool, Float, Index
 from ..grid.grid import Grid, cell_index, snapped_grid
 from ..grid.partition import Partition
+from ..m3c2.distances import Distances
+from ..m3c2.lattice import dominant_frame
+from ..m3c2.level import plant_error, slope_of
 from ..statistics.normal import quantile
-from ..zones.extraction import Origin, Zones, extract_zones, footprint_frame
-from ..zones.footprints import Cells, Detected
-from .distances import Distances
-from .lattice import dominant_frame
-from .level import plant_error, slope_of
+from .extraction import Origin, Zones, extract_zones, footprint_frame
+from .footprints import Cells, Detected
 
 MAX_OBLIQUE_DEG = 80.0
 """Angle of a cell's mean normal with the plane's up to which the cell counts; beyond it, several faces may be in it."""
@@ -150,7 +150,7 @@ def face_zones(
     *,
     origin: Origin | None = None,
 ) -> FaceZones:
-    """Zones as of a change of heights (``zones.extraction.extract_zones``), along the normals.
+    """Zones as of a change of heights (``extraction.extract_zones``), along the normals.
 
     Distances, areas and volumes are those of the surface. The polygons are seen from above. There are none where all
     of the face has moved alike.
