@@ -91,7 +91,7 @@ def m3c2_step(
     if raster_dir is not None:
         refuse_results(raster_dir, MAPS, overwrite=overwrite)
     raster_dir = folder if raster_dir is None else raster_dir.absolute()
-    inputs = [(f"epoch {e.name}", e.path) for e in epochs]
+    inputs: list[tuple[str, Path | None]] = [(f"epoch {e.name}", e.path) for e in epochs]
     inputs += [("core", core), ("transform", transform_path), ("stable", stable)]
     run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones"), inputs, progress)
     run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in MAPS)])
