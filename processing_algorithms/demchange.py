@@ -48,16 +48,20 @@ class DemChange(SlopeWatchAlgorithm):
     TAGS = (
         "DEM", "DTM", "elevation model", "raster difference", "difference of DEMs", "DEM of difference", "DoD",
         "change detection", "erosion", "deposition", "volume", "level of detection", "coregistration", "Nuth", "bias",
-        "xDEM", "GCD", "series",
+        "tilt", "xDEM", "GCD", "series",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.DEMCHANGE
-    BASIC = ("cell", "plan_shift", "minimum_area", "overwrite")
+    BASIC = ("cell", "plan_shift", "tilt", "statistics_only", "minimum_area", "overwrite")
     NUMBERS: ClassVar = {
         "MODEL_COUNT": ("model_count", "Number of elevation models"),
         "BIAS": ("bias_m", "Bias of the last model that was taken off (m)"),
         "BIAS_ERROR": ("bias_error_m", "Standard error of the bias (m)"),
         "SHIFT_EAST": ("shift_east_m", "Shift east that was taken off (m)"),
         "SHIFT_NORTH": ("shift_north_m", "Shift north that was taken off (m)"),
+        "TILT_SIZE": ("tilt_m", "Tilt over the map between the first and the last model (m)"),
+        "TILT_ERROR": ("tilt_error_m", "Standard error of the tilt (m)"),
+        "BEND_SIZE": ("bend_m", "Bend over the map (m)"),
+        "BEND_ERROR": ("bend_error_m", "Standard error of the bend (m)"),
         **{name: number for name, number in CHANGE_NUMBERS.items() if name != "COMMON_CELL_RATE"},
     }
     PAGES = CHANGE_PAGES

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ..engine.core.json_values import plain
 from ..engine.core.run_result import RunResult
+from .conclusions_of_models import statistics, trend
 from .conclusions_of_tools import OF_TOOLS
 from .figures_in_words import Figures, counted, measured, number, percent, plural, sentence, zones_found
 
@@ -57,10 +58,11 @@ def _change(f: Figures) -> list[str]:
         lost, gained = (
             measured(f, f"vol_{kind}_m3", "m³", error=f"vol_{kind}_err_m3") or "0 m³" for kind in ("loss", "gain")
         )
-        found = (
-            f"{zones_found(count, 'significant change')}, {measured(f, 'zone_area_m2', 'm²')} in all: {lost} lost and "
-            f"{gained} gained."
-        )
+        found = f"{zones_found(count, 'significant change')}: {lost} lost and {gained} gained over their footprints."
+        covered = [measured(f, f"{name}_area_m2", "m²") for name in ("zone", "footprint")]
+        net = [measured(f, f"{name}_net_m3", "m³") for name in ("zone", "footprint")]
+        more = "The zones themselves cover {} with a net volume of {}, their footprints {} with {}."
+        found = f"{found} {sentence(more, covered[0], net[0], covered[1], net[1])}".rstrip()
     return [
         found,
         _slides(f),
@@ -109,7 +111,9 @@ def _dem_change(f: Figures) -> list[str]:
         bias = sentence(
             "The later model lay {} above the earlier one on stable ground; that is taken off and is no change.", size
         )
-    return [bias, *_change(f)]
+    if f.get("zone_count") is None:
+        return [bias, trend(f), *statistics(f)]
+    return [bias, trend(f), *_change(f)]
 
 
 def _slid(f: Figures) -> str:

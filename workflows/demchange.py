@@ -17,16 +17,16 @@ from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.elevation_models.checks import refuse_other_ground, refuse_other_systems
-from ..engine.elevation_models.comparison import ModelChange, compare_models
+from ..engine.elevation_models.comparison import ModelChange, TakenOff, compare_models
 from ..engine.elevation_models.coregistration import MIN_EQUATIONS, TooFewCells
 from ..engine.elevation_models.model import ElevationModel, read_model
 from ..engine.elevation_models.one_grid import on_one_grid
-from ..engine.elevation_models.sentences import coregistration_facts, stable_doubt
+from ..engine.elevation_models.sentences import coregistration_facts, stable_doubt, trend_warning
 from ..engine.epochs.epoch import Epoch, parse_date, same_content
 from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.maps.relief import shaded_relief
 from ..engine.maps.top_view import TopView
-from ..engine.zones.profile_lines import given_lines
+from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.dates import date_in_name
 from ..interface.parameters import given
@@ -35,7 +35,7 @@ from .layers import read_layers
 from .pair import stable_area
 from .products.change import CHANGE_OUTPUTS, Context, write_products
 from .products.classes import CLASS_OUTPUTS
-from .products.demchange import DEM_OUTPUTS, Pair, write_pairs
+from .products.demchange import DEM_OUTPUTS, Pair, write_pairs, write_statistics
 from .run import Run
 from .settings import ModelSettings, Settings, groups
 
@@ -74,12 +74,14 @@ def demchange_step(
     inputs += [("stable", stable), ("profiles", profiles), *layers.inputs]
     run = Run("demchange", groups(settings, *words), inputs, progress)
     outputs = ["report.pdf", *(name for name in CHANGE_OUTPUTS if name not in _NOT_WRITTEN)]
-    run.refuse_folder(
-        output_dir, ("run.json", *outputs, *DEM_OUTPUTS, *PROFILE_OUTPUTS, *CLASS_OUTPUTS), overwrite=overwrite
-    )
+    others = (*outputs, *(name for name in DEM_OUTPUTS if name != "pairs.csv"), *PROFILE_OUTPUTS, *CLASS_OUTPUTS)
+    brief = settings.elevation_models.statistics_only
+    run.refuse_folder(output_dir, ("run.json", "pairs.csv", *others), overwrite=overwrite)
+    if brief and any((output_dir / name).exists() for name in others):
+        raise InputError(f"{shown(output_dir)} holds rasters or zones; give statistics alone a folder of their own.")
     run.read_reviews(output_dir, ("zones.gpkg",))
     hashes = run.hash_inputs()[: len(models)]
-    with run.writing(output_dir, report=True):
+    with run.writing(output_dir, report=not brief):
         with run.step("read", 0.0, 0.15, "reading"):
             read = _read(run, models, settings)
         crs, grid = read[0].crs, read[0].grid
@@ -94,26 +96,40 @@ def demchange_step(
         with run.step("change", 0.15, 0.7, "comparing"):
             pairs = _compare(run, read, _dated(models, names), settings, given_cells)
         whole = next(pair for pair in pairs if pair.indices == (0, len(models) - 1))
-        with run.step("products", 0.7, 0.99, "writing outputs"):
-            context = Context(
-                first=whole.first,
-                second=whole.second,
-                crs=crs,
-                transform=_transform(whole.found),
-                input_hashes=hashes,
-                method=_METHOD,
-                run_id=run.run_id(hashes),
-                counted=False,
-                several=True,
-            )
-            bundle = replace(Settings(), zones=settings.zones, heatmap=settings.heatmap, report=settings.report)
-            view = TopView(_relief(whole.found), grid, "height")
-            write_products(run, whole.found.change, view, context, bundle, lines)
-            write_pairs(run, pairs, whole, context)
-        run.facts["run_id"] = context.run_id
+        if brief:
+            write_statistics(run, pairs, whole)
+        else:
+            with run.step("products", 0.7, 0.99, "writing outputs"):
+                _write_products(run, pairs, whole, hashes, settings, lines)
+            run.finish_reviews()
         run.outputs["run"] = run.record_path
-        run.finish_reviews()
     return run.result()
+
+
+def _write_products(
+    run: Run,
+    pairs: Sequence[Pair],
+    whole: Pair,
+    hashes: tuple[str, ...],
+    settings: ModelSettings,
+    lines: Sequence[ProfileLine],
+) -> None:
+    context = Context(
+        first=whole.first,
+        second=whole.second,
+        crs=whole.crs,
+        transform=_transform(whole.found),
+        input_hashes=hashes,
+        method=_METHOD,
+        run_id=run.run_id(hashes),
+        counted=False,
+        several=True,
+    )
+    bundle = replace(Settings(), zones=settings.zones, heatmap=settings.heatmap, report=settings.report)
+    view = TopView(_relief(whole.found), whole.change.grid, "height")
+    write_products(run, whole.change, view, context, bundle, lines)
+    write_pairs(run, pairs, whole, context)
+    run.facts["run_id"] = context.run_id
 
 
 def _refuse(models: Sequence[Epoch]) -> None:
@@ -201,7 +217,7 @@ def _compare(
                 first.grid,
                 confidence=settings.elevation_models.confidence,
                 stable=stable,
-                plan=settings.elevation_models.plan_shift,
+                taken_off=TakenOff(settings.elevation_models.plan_shift, settings.elevation_models.tilt),
                 steps=(first.step, second.step),
             )
         except TooFewCells as error:
@@ -209,12 +225,13 @@ def _compare(
                 f"{shown(first.path)} and {shown(second.path)} have fewer than {MIN_EQUATIONS} common cells of stable "
                 "ground; give models with a larger common part, or a larger --stable area."
             ) from error
-        pair = Pair((i, j), epochs[i], epochs[j], found)
+        pair = Pair((i, j), epochs[i], epochs[j], first.crs, found)
         pairs.append(pair)
         facts = coregistration_facts(found, pair.first.name, pair.second.name)
         for sentence in facts["sentences"]:
             run.progress.info(sentence)
-        for doubt in (stable_doubt(found, pair.first.name, pair.second.name), *found.notes):
+        said = (warning(found, pair.first.name, pair.second.name) for warning in (stable_doubt, trend_warning))
+        for doubt in (*said, *found.notes):
             if doubt:
                 run.progress.warning(doubt)
     return pairs

@@ -46,6 +46,8 @@ class Change:
     how the plants differ between the epochs. All are None where the plants' heights are not known. The errors of
     ``plants`` are the stated ones times ``plants_factor``, which was measured on stable ground (``plant_calibration``).
 
+    ``by_trend`` is the part of the error by a tilt or bend that was taken off, metres; None where none was.
+
     ``seen`` states which cells have ground of the surveys nearby, and which may be compared (see ``coverage.seen``).
 
     ``choice`` states how the side of a cell was chosen, where this is known.
@@ -79,6 +81,7 @@ class Change:
     explained: NDArray[np.bool_] | None = None
     season: Season | None = None
     plants_factor: float = 1.0
+    by_trend: Float | None = None
     seen: SeenCells = field(default_factory=SeenCells)
     choice: CellChoice | None = None
 

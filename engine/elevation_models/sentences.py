@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from .comparison import ModelChange
+from .trend import BEND
 
 _MIN_DEVIATIONS = 2.576  # beyond so many of its standard errors a bias is named as one
 MIN_STABLE_SHARE = 0.5
@@ -43,10 +44,44 @@ def shift_sentence(found: ModelChange, first: str, second: str) -> str:
     return f"{second} was shifted in plan against {first}, {measured}; that was taken off."
 
 
+def trend_sentence(found: ModelChange, first: str, second: str) -> str:
+    """Whether the models differ by a tilt or bend, by how much, and what became of it."""
+    trend = found.trend
+    if trend.why:
+        return f"A tilt or bend of {second} could not be looked for: {trend.why}."
+    if not trend.order:
+        return f"Stable ground shows no tilt or bend between {first} and {second} beyond their errors."
+    if found.trend_taken_off:
+        return f"{_trend(found, first, second)}; that was taken off and is no change."
+    return f"{_trend(found, first, second)}; that was not taken off."
+
+
+def _trend(found: ModelChange, first: str, second: str) -> str:
+    tilt, tilt_error = found.trend.tilt
+    if found.trend.order < BEND:
+        return f"{first} and {second} differ by a tilt of {tilt:.3f} m over the map (standard error {tilt_error:.3f} m)"
+    bend, bend_error = found.trend.bend
+    return (
+        f"{first} and {second} differ by a bend of {bend:.3f} m (standard error {bend_error:.3f} m) and a tilt of "
+        f"{tilt:.3f} m ({tilt_error:.3f} m) over the map"
+    )
+
+
+def trend_warning(found: ModelChange, first: str, second: str) -> str | None:
+    """What to do about a tilt or bend that was not taken off."""
+    if not found.trend.order or found.trend_taken_off:
+        return None
+    return (
+        f"{_trend(found, first, second)}, which widens the level of detection and may hide change. Switch on 'Take off "
+        "a tilt or bend', unless the ground itself may have moved like that."
+    )
+
+
 def coregistration_facts(found: ModelChange, first: str, second: str) -> dict[str, Any]:
     """For the run record; lengths in metres."""
     c = found.coregistration
     measured = c.found or (None, None, None, None)
+    sentences = [sentence(found, first, second) for sentence in (bias_sentence, shift_sentence, trend_sentence)]
     stable = int(found.change.stable.sum())
     return {
         "from": first,
@@ -60,6 +95,7 @@ def coregistration_facts(found: ModelChange, first: str, second: str) -> dict[st
         "measured_east_error_m": measured[2],
         "measured_north_error_m": measured[3],
         "plan_shift": "taken off" if not c.why else c.why,
+        **trend_facts(found),
         "error_m": found.change.registration_error,
         "nmad_before_m": c.nmad_before,
         "nmad_after_m": c.nmad_after,
@@ -68,7 +104,23 @@ def coregistration_facts(found: ModelChange, first: str, second: str) -> dict[st
         "stable_given": found.stable_given,
         "errors_by": list(found.errors.names),
         "attributes": found.attributes,
-        "sentences": [bias_sentence(found, first, second), shift_sentence(found, first, second)],
+        "sentences": sentences,
+    }
+
+
+def trend_facts(found: ModelChange) -> dict[str, Any]:
+    """Size of the tilt and the bend over the map with their standard errors, metres, and how sure they are."""
+    trend = found.trend
+    (tilt, tilt_error), (bend, bend_error) = trend.tilt, trend.bend
+    return {
+        "trend": ("none", "tilt", "bend")[trend.order] if not trend.why else trend.why,
+        "trend_taken_off": found.trend_taken_off,
+        "tilt_m": tilt,
+        "tilt_error_m": tilt_error,
+        "tilt_p": trend.p_values[0],
+        "bend_m": bend,
+        "bend_error_m": bend_error,
+        "bend_p": trend.p_values[1],
     }
 
 

@@ -53,4 +53,5 @@ def detected_of(change: Change) -> Detected:
 def cells_of(change: Change) -> Cells:
     """What zones and volumes are taken from."""
     plants = None if change.plants is None else change.plants.error
-    return Cells(change.dz, change.error, change.cell_area, change.partition, plants, change.plant_like)
+    others = plants, change.plant_like, change.by_trend
+    return Cells(change.dz, change.error, change.cell_area, change.partition, *others)

@@ -116,7 +116,7 @@ def extract_zones(
         cell_area=grid.cell**2,
     )
     volumes = zone_volumes(footprints, cells, correlation)
-    values.update(_volume_columns(volumes))
+    values.update(_volume_columns(volumes) | own_volumes(values, volumes))
     values["n_cells"] = cells.partition.parts_in_groups(labels, count)
     if found.heights is not None:
         values["slope_deg"] = inclination(zone, layout.flat(inside), count, of_cells(found.heights), grid)
@@ -181,6 +181,14 @@ def footprint_frame(found: Zones, grid: Grid) -> gpd.GeoDataFrame:
         geometry=cell_polygons(labels, len(found.footprints), grid),
         crs=found.frame.crs,
     )
+
+
+def own_volumes(values: dict[str, Any], volumes: ZoneVolumes) -> dict[str, NDArray]:
+    """The net volume of each zone's own cells, without the rest of its footprint, and its standard error, m³."""
+    return {
+        "zone_net_m3": values["dz_mean_m"] * values["area_m2"],
+        "zone_err_m3": volumes.mean_error * values["area_m2"],
+    }
 
 
 def _volume_columns(volumes: ZoneVolumes) -> dict[str, NDArray]:

@@ -15,6 +15,7 @@ FIELDS = field_kinds("""
     text: kind movement severity
     real: confidence dz_mean_m dz_min_m dz_max_m dz_p95_m area_m2
     integer: n_cells
+    real: zone_net_m3 zone_err_m3
     real: vol_loss_m3 vol_gain_m3 vol_net_m3 vol_err_m3 vol_low_m3 vol_high_m3 vol_area_m2 vol_measured
     real: n_eff lod95_m rate_mm_day rate_err slope_deg
     real: motion_m motion_err_m azimuth_deg plunge_deg normal_m normal_err_m relief_kept movement_conf sank_m2 bulged_m2

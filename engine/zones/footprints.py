@@ -31,6 +31,7 @@ class Cells:
         partition: which cells are one.
         plants: the part of ``error`` that plants cause, m; None where nothing is known of them.
         plant_like: cells whose change may be the plants' (see ``season``): no footprint reaches out for it.
+        by_trend: the part of ``error`` by a tilt or bend that was taken off, m; alike all over a zone.
     """
 
     dz: Float
@@ -39,6 +40,7 @@ class Cells:
     partition: Partition
     plants: Float | None = None
     plant_like: NDArray[np.bool_] | None = None
+    by_trend: Float | None = None
 
     @property
     def cell(self) -> float:
@@ -263,7 +265,9 @@ def _around(values: Float, kernel: Float) -> Float:
 def in_window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     """The part of ``cells`` in some rows and columns."""
     layout = cells.layout
-    plants = None if cells.plants is None else layout.window(cells.plants, window)
-    plant_like = None if cells.plant_like is None else layout.window(cells.plant_like, window)
     dz, error, area = (layout.window(values, window) for values in (cells.dz, cells.error, cells.area))
-    return Cells(dz, error, area, cells.partition.window(window), plants, plant_like)
+    plants, plant_like, by_trend = (
+        None if values is None else layout.window(values, window)
+        for values in (cells.plants, cells.plant_like, cells.by_trend)
+    )
+    return Cells(dz, error, area, cells.partition.window(window), plants, plant_like, by_trend)

@@ -15,7 +15,7 @@ from ..core.arrays import Float, Index
 from ..grid.grid import Grid
 from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, inclination, table_column
-from .extraction import Origin, severity_of, texts_of
+from .extraction import Origin, own_volumes, severity_of, texts_of
 from .fields import FIELDS, KINDS, SLIDING
 from .footprints import Cells, Detected
 from .movement import SLID, Verdict
@@ -135,6 +135,7 @@ def slide_frame(
         "vol_measured": volumes.measured,
         "n_eff": volumes.samples,
     }
+    values |= own_volumes(values, volumes)
     for name, kind in zip(("sank_m2", "bulged_m2"), KINDS, strict=True):
         values[name] = np.array([float(rows.loc[rows["kind"] == kind, "area_m2"].sum()) for rows in parts])
     texts = texts_of(surface.origin) | {"n_epochs_confirmed": 1}

@@ -26,6 +26,7 @@ from ..statistics.variogram import (
 from .footprints import Cells, Footprint, in_window
 
 _COLUMNS = ("net", "error", "area", "measured", "samples", "mean_error")
+_ALL = slice(None)
 _STABLE_MARGIN_M = 0.5  # m around a footprint that may have moved with it
 
 
@@ -62,10 +63,11 @@ class CorrelationModel:
             | {"plants_in_common": self.plants_in_common}
         )
 
-    def sampling_error(self, error: Float, plants: Float | None = None) -> Float:
-        """The part of ``error`` (any shape, m) that neither the registration nor the ``plants``' part explain."""
-        others = self.registration_error**2 + (0.0 if plants is None else np.nan_to_num(plants) ** 2)
-        return np.sqrt(np.maximum(error**2 - others, 0.0))
+    def sampling_error(self, cells: Cells, used: NDArray[np.bool_] | slice = _ALL) -> Float:
+        """The part of the errors of cells (n,) or (rows, columns), m, that no part explains that near cells share."""
+        parts = (part[used] for part in (cells.plants, cells.by_trend) if part is not None)
+        others = self.registration_error**2 + sum(np.nan_to_num(part) ** 2 for part in parts)
+        return np.sqrt(np.maximum(np.asarray(cells.error[used], dtype=np.float64) ** 2 - others, 0.0))
 
     def sum_error(self, weights: Float, cells: Cells) -> float:
         """Standard error of the sum of ``weights`` (rows, columns; of any sign, 0 outside) times the changes."""
@@ -83,7 +85,8 @@ class CorrelationModel:
             weighted = cells.partition.gathered(weighted, weighted != 0)
             by_plants = sum_by_plants(weighted, cells.cell, self.plants_in_common, cells.layout)
         by_registration = self.registration_error * float(weights.sum())
-        return math.hypot(self.own_error(weights, cells), by_registration, by_plants)
+        by_trend = shared_error(np.abs(weights), cells.by_trend)
+        return math.hypot(self.own_error(weights, cells), by_registration, by_plants, by_trend)
 
     def own_error(self, weights: Float, cells: Cells) -> float:
         """The part of ``sum_error`` that the sampling errors make, which differ from place to place."""
@@ -92,8 +95,9 @@ class CorrelationModel:
         return math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram, cells.layout))
 
     def common_error(self, weights: Float, cells: Cells) -> float:
-        """The part of ``sum_error`` that all cells share: the registration's and the plants'."""
-        return math.hypot(self.registration_error * float(weights.sum()), shared_error(np.abs(weights), cells.plants))
+        """The part of ``sum_error`` that all cells share: the registration's, the plants' and that of a trend."""
+        others = (shared_error(np.abs(weights), part) for part in (cells.plants, cells.by_trend))
+        return math.hypot(self.registration_error * float(weights.sum()), *others)
 
     def samples(self, weights: Float, cells: Cells) -> float:
         """Effective number of samples of a sum (see ``variogram.effective_samples``)."""
@@ -105,8 +109,7 @@ class CorrelationModel:
         """Weights times sampling errors; those of cells that are one are summed up in the first of them."""
         used = weights != 0
         weighted = np.zeros(weights.shape)
-        plants = None if cells.plants is None else cells.plants[used]
-        weighted[used] = weights[used] * self.sampling_error(cells.error[used], plants)
+        weighted[used] = weights[used] * self.sampling_error(cells, used)
         return cells.partition.gathered(weighted, used)
 
 
@@ -174,10 +177,8 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     """
     model = CorrelationModel(registration_error, None, plants_in_common=_in_common(cells, stable, registration_error))
     usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
-    plants = None if cells.plants is None else cells.plants[usable]
-    of_usable = model.sampling_error(np.asarray(cells.error[usable], dtype=np.float64), plants)
     sampling = np.zeros(cells.dz.shape)
-    sampling[usable] = of_usable
+    sampling[usable] = model.sampling_error(cells, usable)
     usable &= sampling > 0
     usable = cells.partition.one_each(usable)
     if cells.plants is not None:
@@ -205,7 +206,7 @@ def _in_common(cells: Cells, stable: NDArray[np.bool_], registration_error: floa
     # a change that the plants' height explains is evidence for them too, and mown grass is not taken as stable
     calibrating = stable if cells.plant_like is None else stable | cells.plant_like
     calibrating = cells.partition.one_each(calibrating)
-    sampling = CorrelationModel(registration_error, None).sampling_error(cells.error, cells.plants)
+    sampling = CorrelationModel(registration_error, None).sampling_error(cells)
     return common_share(cells.dz, sampling, cells.plants, calibrating, cells.cell, cells.layout)
 
 

@@ -32,6 +32,17 @@ class ModelParameters(ParameterSet, record_name="elevation_models", title="Eleva
         "Looks for a horizontal shift of each model, and takes it off where the relief shows it beyond its own error. "
         "Off: only the bias in height is taken off.",
     )
+    tilt: bool = _parameter(
+        False,
+        "Take off a tilt or bend",
+        "Takes off the tilt or bend between the models, if stable ground shows one beyond its own error. Off: it is "
+        "named, and stays in the change. Movement of that shape over the whole map is taken off with it.",
+    )
+    statistics_only: bool = _parameter(
+        False,
+        "Statistics only",
+        "Writes the run record and the table of pairs, and no rasters, zones, pictures or report.",
+    )
     maximum_bias: float = _parameter(
         5.0,
         "Largest bias",

@@ -16,6 +16,7 @@ FOLDER = Path("/results")
 FILES = {"zones": FOLDER / "zones.gpkg", "report": FOLDER / "report.html", "run": FOLDER / "run.json"}
 CHANGE = {
     "zone_count": 2, "zone_area_m2": 33.568, "vol_loss_m3": 1.8741, "vol_loss_err_m3": 0.1656, "vol_gain_m3": 0.0,
+    "zone_net_m3": -1.2, "footprint_area_m2": 48.1, "footprint_net_m3": -1.8741,
     "largest_sink_m": -0.3007, "largest_rise_m": 0.0, "compared_share": 0.8874, "not_in_later_share": 0.07,
     "too_few_share": 0.0426, "lod_median_m": 0.02946,
 }  # fmt: skip
@@ -37,7 +38,10 @@ def said(command: str, figures: dict[str, Any], *warnings: str, outputs: dict[st
 
 def test_a_change_ends_with_what_was_found_where_it_lies_and_what_to_look_at() -> None:
     assert said("change", CHANGE) == [
-        "2 zones of significant change were found, 33.6 m² in all: 1.87 ± 0.17 m³ lost and 0 m³ gained.",
+        (
+            "2 zones of significant change were found: 1.87 ± 0.17 m³ lost and 0 m³ gained over their footprints. "
+            "The zones themselves cover 33.6 m² with a net volume of -1.2 m³, their footprints 48.1 m² with -1.87 m³."
+        ),
         "The largest lowering in a zone is 0.301 m, the largest raising 0 m.",
         "89 % of the slope was compared; 7 % has no ground in the later survey.",
         "Change below the level of detection, 0.029 m in the median, cannot be distinguished from none.",

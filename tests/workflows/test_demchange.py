@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.core.run_result import RunResult
 from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.vector.geopackage import read_layer
+from slopewatch.interface.parameters import ModelParameters
 from slopewatch.tests.builders.elevation_models import NORTH, WEST, hills, noise, write_model, write_turned
+from slopewatch.workflows.conclusions import conclusion
 from slopewatch.workflows.demchange import demchange_step, parse_model
 from slopewatch.workflows.settings import ModelSettings
 
@@ -145,3 +150,73 @@ def test_a_turned_oblong_model_is_compared_as_any_other(tmp_path: Path) -> None:
     with (tmp_path / "out" / "pairs.csv").open(encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert 0.03 < float(row["stable_beyond_share"]) < 0.07
+
+
+def _tilted(folder: Path) -> list[str]:
+    """Two models whose later one leans by 0.5 m over the map, with a hollow of 0.3 m."""
+    first, second = (hills(*_SHAPE) + noise(_SHAPE, 0.03, 4.0, i) for i in (1, 2))
+    second += 0.5 * np.arange(_SHAPE[1]) / (_SHAPE[1] - 1)
+    second[_HOLE] -= 0.3
+    return [
+        str(write_model(folder / f"{year}-01-01.tif", heights)) for year, heights in ((2015, first), (2016, second))
+    ]
+
+
+def _compared(texts: list[str], folder: Path, **options: bool) -> tuple[dict, Progress, RunResult]:
+    progress = Progress()
+    settings = ModelSettings(elevation_models=ModelParameters(**options))
+    result = demchange_step([parse_model(text) for text in texts], folder, settings, progress=progress)
+    return json.loads((folder / "run.json").read_text(encoding="utf-8")), progress, result
+
+
+def test_a_tilt_is_warned_of_and_named_everywhere_and_taken_off_if_asked(tmp_path: Path) -> None:
+    texts = _tilted(tmp_path)
+    kept, warned, _ = _compared(texts, tmp_path / "kept")
+    (warning,) = warned.warnings
+    assert "differ by a tilt of 0." in warning
+    assert "Take off a tilt or bend" in warning
+    assert kept["metrics"]["tilt_m"] == pytest.approx(0.5, abs=0.03)
+    assert kept["metrics"]["trend_taken_off"] is False
+    record, progress, result = _compared(texts, tmp_path / "taken", tilt=True)
+    assert progress.warnings == []
+    page = " ".join((tmp_path / "taken" / "report.html").read_text(encoding="utf-8").split())
+    for text in (page, " ".join(conclusion("demchange", result))):
+        assert re.search(r"differ by a tilt of 0\.(49|50|51)", text)
+    assert record["coregistration"][0]["trend"] == "tilt"
+    assert record["metrics"]["lod_median_m"] < 0.5 * kept["metrics"]["lod_median_m"]
+    zone = read_layer(tmp_path / "taken" / "zones.gpkg", "zones").iloc[0]
+    assert zone["vol_net_m3"] == pytest.approx(-0.3 * 750, abs=3 * zone["vol_err_m3"])
+
+
+def test_areas_and_volumes_of_zone_and_footprint_stand_side_by_side(made: Path) -> None:
+    zone = read_layer(made / "zones.gpkg", "zones").iloc[0]
+    assert zone["zone_net_m3"] == pytest.approx(zone["dz_mean_m"] * zone["area_m2"])
+    assert zone["area_m2"] < zone["vol_area_m2"]
+    assert 0 < zone["zone_err_m3"] < 0.1 * abs(zone["zone_net_m3"])
+    metrics = json.loads((made / "run.json").read_text(encoding="utf-8"))["metrics"]
+    assert metrics["footprint_area_m2"] == pytest.approx(zone["vol_area_m2"])
+    assert metrics["zone_net_m3"] == pytest.approx(zone["zone_net_m3"])
+    page = (made / "report.html").read_text(encoding="utf-8")
+    places = [
+        page.index(f'data-from="/zones/0/{name}"') for name in ("area_m2", "zone_net_m3", "vol_area_m2", "vol_net_m3")
+    ]
+    assert places == sorted(places)
+    assert places[-1] - places[0] < 1000
+
+
+def test_statistics_alone_are_those_of_the_whole_run_without_its_files(tmp_path: Path) -> None:
+    texts = _tilted(tmp_path)
+    record, _, result = _compared(texts, tmp_path / "brief", tilt=True, statistics_only=True)
+    assert sorted(p.name for p in (tmp_path / "brief").iterdir()) == ["pairs.csv", "run.json"]
+    whole = _compared(texts, tmp_path / "whole", tilt=True)[0]["pairs"][0]
+    assert record["pairs"][0].items() <= {**whole, "all_net_err_m3": record["pairs"][0]["all_net_err_m3"]}.items()
+    assert record["metrics"]["beyond_m2"] == pytest.approx(750 + 0.05 * (160 * 180 - 750), rel=0.2)
+    words = " ".join(conclusion("demchange", result))
+    assert "differ by a tilt of 0." in words
+    assert "of the cells" in words
+    assert "zone" not in words
+    with pytest.raises(InputError, match="a folder of their own"):
+        demchange_step(
+            [parse_model(text) for text in texts], tmp_path / "whole",
+            ModelSettings(elevation_models=ModelParameters(statistics_only=True)), overwrite=True, progress=Progress(),
+        )  # fmt: skip

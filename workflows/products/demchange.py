@@ -6,10 +6,12 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pyproj import CRS
 
 from ...engine.change.result import Change
 from ...engine.core.staged_outputs import atomic_output
@@ -17,7 +19,8 @@ from ...engine.core.table_text import cell as table_cell
 from ...engine.core.version import VERSION
 from ...engine.elevation_models.comparison import ModelChange
 from ...engine.elevation_models.rates import cell_rates
-from ...engine.elevation_models.sentences import coregistration_facts
+from ...engine.elevation_models.sentences import coregistration_facts, trend_facts
+from ...engine.elevation_models.statistics import change_statistics
 from ...engine.epochs.epoch import Epoch
 from ...engine.grid import geotiff
 from ...engine.maps import palette, qgis_styles
@@ -26,6 +29,7 @@ from ...engine.zones.change_zones import cells_of, change_zones
 from ...engine.zones.extraction import Zones
 from ...engine.zones.footprints import in_window
 from ...engine.zones.gcd_table import volume_table
+from ...engine.zones.volumes import fit_correlation, zone_volumes
 from ..run import Run
 from .change import Context
 from .classes import Compared, write_class_budgets
@@ -37,11 +41,12 @@ _SIGNIFICANCE_LIMIT = 4.0  # standard errors at the end of the colours
 
 @dataclass(frozen=True)
 class Pair:
-    """Two of the models, by their indices and as epochs, and their change."""
+    """Two of the models, by their indices and as epochs, their reference system and their change."""
 
     indices: tuple[int, int]
     first: Epoch
     second: Epoch
+    crs: CRS
     found: ModelChange
 
     @property
@@ -60,33 +65,42 @@ def write_pairs(run: Run, pairs: Sequence[Pair], whole: Pair, context: Context) 
     """Significance of the change of ``whole``, the table of all pairs, and of three or more models their series."""
     _write_significance(run, whole, context)
     zones = [change_zones(pair.change, context.crs) for pair in pairs]
-    rows = [_row(pair, found) for pair, found in zip(pairs, zones, strict=True)]
-    _write_table(run.stage.path("pairs.csv"), rows)
-    run.outputs["pairs"] = run.stage.final("pairs.csv")
+    write_statistics(run, pairs, whole, zones)
     if run.related.classes is not None:
         compared = [
             Compared(p.first.name, p.second.name, p.change, z.correlation) for p, z in zip(pairs, zones, strict=True)
         ]
         compared.insert(0, compared.pop(pairs.index(whole)))
         write_class_budgets(run, compared, run.related.classes, context.crs, whole.second.date)
-    run.facts["coregistration"] = [coregistration_facts(p.found, p.first.name, p.second.name) for p in pairs]
-    run.facts["pairs"] = rows
-    c = whole.found.coregistration
-    run.figures |= {
-        "model_count": 1 + max(pair.indices[1] for pair in pairs),
-        "bias_m": c.bias,
-        "bias_error_m": c.errors[2],
-        "shift_east_m": c.east,
-        "shift_north_m": c.north,
-        "nmad_before_m": c.nmad_before,
-        "nmad_after_m": c.nmad_after,
-    }
     if len(pairs) == 1:
         return
     _write_pair_rasters(run, pairs, context)
     _write_zone_series(run, pairs, zones[pairs.index(whole)], zones)
     if all(pair.days is not None for pair in pairs):
         _write_rates(run, pairs, context)
+
+
+def write_statistics(run: Run, pairs: Sequence[Pair], whole: Pair, zones: Sequence[Zones] = ()) -> None:
+    """The table of all pairs, with what their ``zones`` hold where these are known, and the figures of ``whole``."""
+    rows = [_row(pair, found) for pair, found in zip_longest(pairs, zones)]
+    _write_table(run.stage.path("pairs.csv"), rows)
+    run.outputs["pairs"] = run.stage.final("pairs.csv")
+    run.facts["coregistration"] = [coregistration_facts(p.found, p.first.name, p.second.name) for p in pairs]
+    run.facts["pairs"] = rows
+    c = whole.found.coregistration
+    if not zones:
+        own = rows[pairs.index(whole)]
+        run.figures |= {name: value for name, value in own.items() if name not in ("from", "to", "kind", "days")}
+    run.figures |= {
+        "model_count": 1 + max(pair.indices[1] for pair in pairs),
+        "bias_m": c.bias,
+        "bias_error_m": c.errors[2],
+        "shift_east_m": c.east,
+        "shift_north_m": c.north,
+        **trend_facts(whole.found),
+        "nmad_before_m": c.nmad_before,
+        "nmad_after_m": c.nmad_after,
+    }
 
 
 def _tags(pair: Pair, context: Context) -> dict[str, str]:
@@ -137,13 +151,9 @@ def _write_pair_rasters(run: Run, pairs: Sequence[Pair], context: Context) -> No
         run.outputs[f"level_of_detection_{span}"] = run.stage.final(f"pairs/{path.name}")
 
 
-def _row(pair: Pair, found: Zones) -> dict[str, Any]:
+def _row(pair: Pair, found: Zones | None) -> dict[str, Any]:
     """A line of the table of pairs."""
-    change, c = pair.change, pair.found.coregistration
-    table = volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
-    stable = change.stable & change.valid
-    net = next(row for row in table.rows() if row.raw_error is not None)
-    figures = table.figures()
+    change, c, cells = pair.change, pair.found.coregistration, cells_of(pair.change)
     row: dict[str, Any] = {
         "from": pair.first.name,
         "to": pair.second.name,
@@ -154,20 +164,30 @@ def _row(pair: Pair, found: Zones) -> dict[str, Any]:
         "shift_east_m": c.east,
         "shift_north_m": c.north,
         "nmad_m": c.nmad_after,
-        "level_median_m": change.median_level,
-        "stable_share": float(stable.sum() / max(int(change.valid.sum()), 1)),
-        "stable_beyond_share": float(change.significant[stable].mean()) if stable.any() else None,
-        "compared_m2": float(change.valid.sum() * change.grid.cell**2),
-        "zones": len(found.frame),
-        **figures,
-        "vol_net_low_m3": figures["vol_net_m3"] - Z95 * figures["vol_net_err_m3"],
-        "vol_net_high_m3": figures["vol_net_m3"] + Z95 * figures["vol_net_err_m3"],
-        "all_net_m3": net.raw,
-        "all_net_err_m3": net.raw_error,
+        **trend_facts(pair.found),
+        **change_statistics(change),
     }
-    if pair.days:
-        row["vol_net_m3_year"] = figures["vol_net_m3"] * 365.25 / pair.days
-    return row
+    if found is None:
+        correlation = fit_correlation(cells, change.stable, change.registration_error)
+        table = volume_table(cells, change.significant, zone_volumes((), cells, correlation), correlation)
+    else:
+        table = volume_table(cells, change.significant, found.volumes, found.correlation)
+        figures = table.figures()
+        row |= {
+            "zones": len(found.frame),
+            **figures,
+            "vol_net_low_m3": figures["vol_net_m3"] - Z95 * figures["vol_net_err_m3"],
+            "vol_net_high_m3": figures["vol_net_m3"] + Z95 * figures["vol_net_err_m3"],
+        }
+        if pair.days:
+            row["vol_net_m3_year"] = figures["vol_net_m3"] * 365.25 / pair.days
+    return row | {
+        "beyond_m2": table.thresholded.area,
+        "beyond_lowering_m3": table.thresholded.lowering,
+        "beyond_raising_m3": table.thresholded.raising,
+        "all_net_m3": table.raw.net,
+        "all_net_err_m3": table.raw_net_error,
+    }
 
 
 def _write_zone_series(run: Run, pairs: Sequence[Pair], whole: Zones, zones: Sequence[Zones]) -> None:

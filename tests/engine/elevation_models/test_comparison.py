@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from slopewatch.engine.elevation_models.comparison import ModelChange, compare_models
+from slopewatch.engine.elevation_models.comparison import ModelChange, TakenOff, compare_models
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.zones.change_zones import change_zones
 from slopewatch.interface.parameters import ZoneParameters
@@ -67,3 +69,41 @@ def test_gaps_stay_gaps() -> None:
     assert np.isnan(change.dz[10:30, 10:40]).all()
     assert np.isfinite(change.level[change.valid]).all()
     assert change.common_cell_rate < 1
+
+
+def _tilted(change: float) -> tuple[np.ndarray, np.ndarray]:
+    first, second = _pair(3, change)
+    return first, second + 0.4 * (np.arange(_SHAPE[1]) / (_SHAPE[1] - 1) - 0.5)
+
+
+def test_a_tilt_is_named_and_stays_unless_it_is_to_be_taken_off() -> None:
+    first, second = _tilted(-0.3)
+    kept = compare_models(first, second, _GRID)
+    assert kept.trend.tilt[0] == pytest.approx(0.4, abs=0.03)
+    assert not kept.trend_taken_off
+    assert kept.change.by_trend is None
+    assert kept.change.median_level > 0.2
+    assert np.nanmean(kept.change.dz[:, -20:]) > 0.15
+
+
+def test_without_the_tilt_the_hollow_is_found_with_its_volume_and_the_fit_is_in_the_error() -> None:
+    first, second = _tilted(-0.3)
+    taken = compare_models(first, second, _GRID, taken_off=TakenOff(tilt=True))
+    straight = compare_models(*_pair(3, -0.3), _GRID)
+    assert taken.trend_taken_off
+    assert taken.change.median_level == pytest.approx(straight.change.median_level, rel=0.1)
+    assert abs(np.nanmean(taken.change.dz[:, -20:])) < 0.03
+    assert taken.coregistration.nmad_before > 2 * taken.coregistration.nmad_after
+    zones = change_zones(taken.change)
+    assert len(zones.frame) == 1
+    zone = zones.frame.iloc[0]
+    assert zone["vol_net_m3"] == pytest.approx(-180.0, abs=3 * zone["vol_err_m3"])
+    assert taken.change.by_trend is not None
+    without = change_zones(replace(taken.change, by_trend=None)).frame.iloc[0]
+    assert zone["vol_err_m3"] > without["vol_err_m3"]
+
+
+def test_models_without_a_tilt_are_compared_as_if_none_was_asked_for() -> None:
+    asked = compare_models(*_pair(3, -0.3), _GRID, taken_off=TakenOff(tilt=True))
+    assert asked.trend.order == 0
+    assert np.array_equal(asked.change.level, compare_models(*_pair(3, -0.3), _GRID).change.level, equal_nan=True)
