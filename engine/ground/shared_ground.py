@@ -25,6 +25,8 @@ from .surface_heights import Whole
 
 MARGIN_M = 4.0
 """Returns so far around a place are looked at, so that its sheet begins on known ground."""
+SQUARES_A_REACH = 1.5
+"""More than the root of two, so that points of one square are near; at most two, so that two squares around suffice."""
 MIN_GROUND_POINTS = 30
 MAX_CHANCE = 0.01
 """Probability that so many returns lie in a sheet by chance, if it is not new."""
@@ -88,9 +90,23 @@ def shared_ground(own: Survey, other: Survey, threshold: float) -> Found:
 
 
 def _near(places: Float, points: Float, reach: float = REACH_M) -> Bool:
-    """(n,) which points (n, 3) lie within ``reach`` m of one of the places (m, 3), seen from above."""
-    distance, _ = cKDTree(places[:, :2]).query(points[:, :2], distance_upper_bound=reach)
-    return np.asarray(distance <= reach, dtype=np.bool_)
+    """(n,) which points (n, 3) lie within ``reach`` m of one of the places (m, 3), seen from above.
+
+    A point in the square of a place is near. Distances are taken only of the others that have one in a square around.
+    """
+    if not len(places):
+        return np.zeros(len(points), dtype=np.bool_)
+    side, low = reach / SQUARES_A_REACH, least(places[:, :2])
+    square = np.floor((places[:, :2] - low) / side).astype(np.int64) + 2
+    holds = np.zeros(greatest(square) + 3, dtype=bool)
+    holds[tuple(square.T)] = True
+    about = ndimage.binary_dilation(holds, np.ones((5, 5)))
+    place = np.clip(np.floor((points[:, :2] - low) / side) + 2, 0, np.array(holds.shape) - 1).astype(np.int64).T
+    near = holds[tuple(place)]
+    rest = np.flatnonzero(about[tuple(place)] & ~near)
+    distance, _ = cKDTree(places[:, :2]).query(points[rest, :2], distance_upper_bound=reach)
+    near[rest] = distance <= reach
+    return np.asarray(near, dtype=np.bool_)
 
 
 def _over(surface: Triangles, points: Float) -> Float:

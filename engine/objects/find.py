@@ -117,7 +117,8 @@ class Pair:
         for part in self._parts(chosen, link, step, _MIN_RETURNS):
             if np.isin(part, used).any():
                 continue
-            both = (self._one(returns, link) for returns in (part, self._grown(part, solid, scale)))
+            grown = self._grown(part, solid, scale)
+            both = (self._one(returns, link) for returns in ((part, grown) if len(grown) > len(part) else (part,)))
             surfaces = [one for one in both if one is not None and one.closed and (one.flat or not flat)]
             if surfaces:
                 found.append(min(surfaces, key=lambda one: one.chance))
