@@ -255,7 +255,8 @@ def test_the_words_hold_for_discs_on_ground_whose_change_is_known(survey, run):
             words["moved" if abs(moved) > 0.1 else "still"].append(word)
     assert len(words["still"]) > 1000
     assert len(words["moved"]) > 50
-    assert sum(word != "not confirmed" for word in words["still"]) <= 0.003 * len(words["still"])
+    # discs overlap, so that one place of noise makes several words
+    assert sum(word != "not confirmed" for word in words["still"]) <= 0.01 * len(words["still"])
     assert set(words["moved"]) == {"confirmed"}
 
 
