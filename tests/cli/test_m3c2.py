@@ -48,7 +48,8 @@ def test_progress_result_and_outputs(pair, tmp_path):
     assert percents == sorted(percents)
     assert percents[-1] == 100
     result = events[-1]
-    assert set(result["outputs"]) == {"points", "m3c2_distance", "m3c2_level_of_detection", "m3c2_significant", "run"}
+    maps = {f"m3c2_{name}" for name in ("distance", "level_of_detection", "significant", "zones", "volumes")}
+    assert set(result["outputs"]) == {"points", "run"} | maps
     for path in result["outputs"].values():
         assert Path(path).stat().st_size > 0
     assert Path(result["outputs"]["m3c2_distance"]).parent == tmp_path / "maps"

@@ -46,7 +46,7 @@ def test_a_run_is_repeated_with_its_record(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert 3 <= len(lines) <= 8
-    assert lines[0].startswith("1 zone of significant change was found, ")
+    assert lines[0].startswith("1 zone of significant change was found: ")
     assert all(line.endswith(".") for line in lines)
     assert "compared_share" not in done.stdout
     record = tmp_path / "a" / "run.json"
