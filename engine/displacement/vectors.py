@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -165,13 +166,9 @@ def narrower_tells(narrow: Vectors, wide: Vectors, confidence: float) -> Bool:
 
 def chosen(take: Bool, one: Vectors, other: Vectors) -> Vectors:
     """``one`` at the places ``take`` (n,), the ``other`` elsewhere."""
-    return replace(
-        one,
-        **{
-            name: where(take, getattr(one, name), getattr(other, name))
-            for name in ("motion", "covariance", "status", "seen", "width")
-        },
-    )
+    names = ("motion", "covariance", "status", "seen", "width")
+    values: dict[str, Any] = {name: where(take, getattr(one, name), getattr(other, name)) for name in names}
+    return replace(one, **values)
 
 
 def where(take: Bool, one: Float, other: Float) -> Float:

@@ -90,7 +90,7 @@ class Trend:
         """What the polynomial is multiplied by to give the trend, and the plane next to it, in some 10,000 cells."""
         rows, columns = np.nonzero(self.area)
         every = slice(None, None, max(1, len(rows) // 10_000))
-        raw = _design(columns[every], rows[every], self.frame)
+        raw = _design(columns[every].astype(np.float64), rows[every].astype(np.float64), self.frame)
         return raw, raw[:, :3] @ np.linalg.lstsq(raw[:, :3], raw, rcond=None)[0]
 
     def _largest(self, part: Float) -> tuple[float, float]:
@@ -167,7 +167,8 @@ def _blocks(dz: Float, stable: Bool) -> _Blocks:
         if len(rows) >= _MIN_BLOCK_CELLS:
             median = np.median(dz[top + rows, left + columns])
             found.append((left + columns.mean(), top + rows.mean(), median, len(rows)))
-    return _Blocks(*np.array(found, dtype=np.float64).reshape(-1, 4).T, side)
+    column, row, medians, cells = np.array(found, dtype=np.float64).reshape(-1, 4).T
+    return _Blocks(column, row, medians, cells, side)
 
 
 def _too_little(blocks: _Blocks) -> str:
