@@ -122,7 +122,7 @@ def _facts(of: Zones, row: Mapping[str, Any]) -> list[tuple[str, str]]:
         (say("Net volume within the zone"), with_error(row, "zone_net_m3", "zone_err_m3", "m³")),
         (say("Area of the footprint"), figure(row, "vol_area_m2", "m²", 2)),
         (say("Net volume over the footprint"), with_error(row, "vol_net_m3", "vol_err_m3", "m³")),
-        (say("95 % interval of that"), interval(row, "vol_low_m3", "vol_high_m3", "m³")),
+        (say("95 % interval of the volume"), interval(row, "vol_low_m3", "vol_high_m3", "m³")),
         (say("Measured part of the footprint"), percent(row, "vol_measured")),
     ]
     if value_of(row, "rate_mm_day") is not None:

@@ -91,8 +91,10 @@ def test_the_figures_are_those_of_the_table_of_zones(made, pages):
             f"Mean change {shown(zone['dz_mean_m'], 3, '+')} m",
             f"95th percentile {shown(zone['dz_p95_m'], 3, '+')} m",
             f"highest change {shown(zone['dz_min_m'], 3, '+')} to {shown(zone['dz_max_m'], 3, '+')} m",
-            f"Area {shown(zone['area_m2'], 2)} m²",
-            f"Net volume {with_error(zone, 'vol_net_m3', 'vol_err_m3')} m³",
+            f"Area of the zone {shown(zone['area_m2'], 2)} m²",
+            f"Net volume within the zone {with_error(zone, 'zone_net_m3', 'zone_err_m3')} m³",
+            f"Area of the footprint {shown(zone['vol_area_m2'], 2)} m²",
+            f"Net volume over the footprint {with_error(zone, 'vol_net_m3', 'vol_err_m3')} m³",
             f"the volume {shown(zone['vol_low_m3'], 2, '+')} to {shown(zone['vol_high_m3'], 2, '+')} m³",
             f"Rate {with_error(zone, 'rate_mm_day', 'rate_err')} mm/",  # the line may end after the stroke
             f"median {shown(zone['lod95_m'], 3)} m",
