@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from ..interface.parameters import command_sets
@@ -15,6 +16,7 @@ STABLE_HELP = (
     "Polygons of ground that has surely not moved, on which the level of detection is calibrated. Not set: stable "
     "ground is found in the distances."
 )
+_OF_CHANGE = {product.name: product for product in products.CHANGE_PRODUCTS}
 _PRODUCTS = (
     products.Product(
         "ZONES",
@@ -24,25 +26,7 @@ _PRODUCTS = (
         Appearance(50),
         layer="zones",
     ),
-    products.Product(
-        "FOOTPRINTS",
-        "m3c2_zones",
-        "Footprints of the volumes",
-        "Polygons over which the zones' volumes are taken, which reach beyond the significant cells.",
-        Appearance(45, visible=False, expanded=False),
-        layer="footprints",
-        by_default=False,
-    ),
-    products.Product(
-        "UNSURE",
-        "m3c2_zones",
-        "Unsure change",
-        "Polygons of change beyond the level of detection that is no zone, with its mean, its error and the reason; no "
-        "area and no volume counts it.",
-        Appearance(44, visible=False, expanded=False),
-        layer="unsure",
-        by_default=False,
-    ),
+    *(replace(_OF_CHANGE[name], key="m3c2_zones", by_default=False) for name in ("FOOTPRINTS", "UNSURE")),
     products.Product(
         "SIGNIFICANT",
         "m3c2_significant",
