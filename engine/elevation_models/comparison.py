@@ -115,9 +115,7 @@ def compare_models(
     return ModelChange(change, matched.found, trend, off, matched.errors, table, stable is not None, model.notes)
 
 
-def _matched(
-    reference: Float, moving: Float, cell: float, stable: Bool | None, plan: bool, floor: float
-) -> _Matched:  # fmt: skip
+def _matched(reference: Float, moving: Float, cell: float, stable: Bool | None, plan: bool, floor: float) -> _Matched:
     """Bias and shift taken off, with the scatter by terrain, not below ``floor`` (m), and the stable ground."""
     known: Bool | None = stable
     for _ in range(_ROUNDS):

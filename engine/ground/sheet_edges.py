@@ -22,8 +22,8 @@ from ..geometry.plane_cells import Planes
 
 WIDTH_M = 0.75
 """Width over which the surface leaves an edge: a cell of candidates and one of its grid. Cells are about as wide."""
-REACH_M = 1.5
-"""How far sheets are continued: twice that width."""
+REACH_M = 2.0 * WIDTH_M
+"""How far sheets are continued."""
 BARE_SHARE = 0.9
 """Share of a cell's returns that are ground where it is bare, and of those not below a sheet that lie on it."""
 MIN_STEP_THRESHOLDS = 2.0
