@@ -15,7 +15,9 @@ from .options import Session, command, pair, path_option
 @pair
 @path_option("--output", "The core points, NAME.laz; NAME_run.json is written next to it.", required=True)
 @path_option(
-    "--output-dir", "Folder for the rasters; created if missing.  [default: that of the core points]", metavar="DIR"
+    "--output-dir",
+    "Folder for the rasters and zones; created if missing.  [default: that of the core points]",
+    metavar="DIR",
 )
 @path_option("--core", "Cloud of the points to measure at.  [default: points of REFERENCE, evenly spread]")
 @path_option("--stable", "Polygons of ground that has not moved.  [default: found in the distances]")
@@ -34,7 +36,8 @@ def m3c2(
 ) -> RunResult:
     """Distance of MOVING from REFERENCE, two registered ground clouds, along the surface's normal (M3C2).
 
-    For faces too steep for a difference of heights. It does not detect what slides along the surface.
+    For faces too steep for a difference of heights. Significant distances make zones with volumes. Ground that slides
+    along the surface is not detected.
     """
     from ..workflows.m3c2 import m3c2_step
     from ..workflows.settings import DistanceSettings, gathered
