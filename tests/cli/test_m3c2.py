@@ -36,7 +36,7 @@ def test_help_shows_every_parameter():
         assert f"--{specification.option}" in shown
     for option in ("--output", "--output-dir", "--core", "--transform", "--stable", "--epoch-from", "--epoch-to"):
         assert option in shown
-    assert "does not detect what slides along the surface" in shown
+    assert "Ground that slides along the surface is not detected" in shown
 
 
 def test_progress_result_and_outputs(pair, tmp_path):
