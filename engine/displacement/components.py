@@ -45,6 +45,7 @@ class Components:
         turn: (k,) standard error of the direction in the plane of the surface, radians.
         seen: (k,) share of the window that both surveys see.
         width: (k,) of the window, metres.
+        widths: how many widths of windows were looked at in each place.
     """
 
     number: Index
@@ -54,15 +55,16 @@ class Components:
     turn: Float
     seen: Float
     width: Float
+    widths: int = 1
 
     def significant(self, confidence: float) -> Bool:
         """(k,) whether still ground shows such a component with a probability of at most 1 - ``confidence``."""
-        return np.asarray(self.amount > float(stats.norm.ppf((1 + confidence) / 2)) * self.error)
+        return np.asarray(self.p_value < 1 - confidence)
 
     @property
     def p_value(self) -> Float:
-        """(k,) probability that still ground shows such a component."""
-        return np.asarray(2 * stats.norm.sf(self.amount / self.error))
+        """(k,) probability that still ground shows such a component in a window of any width."""
+        return np.minimum(self.widths * 2 * stats.norm.sf(self.amount / self.error), 1.0)
 
 
 def held_one_way(fits: Sequence[Fit | Status | Component], windows: Windows) -> OneWay:
@@ -88,13 +90,17 @@ def held_one_way(fits: Sequence[Fit | Status | Component], windows: Windows) -> 
     )
 
 
-def on_the_map(sizes: Sequence[OneWay], vectors: Vectors, registered: Float, taken_off: Float) -> Components:
+def on_the_map(
+    sizes: Sequence[OneWay], vectors: Vectors, registered: Float, taken_off: Float, confidence: float
+) -> Components:
     """Of each window without a vector the component of the narrowest width that is significant, else of the widest.
 
     Args:
         registered: (n, 3, 3) error of the registration at all windows, m².
         taken_off: (3,) motion that was taken off the vectors, metres.
+        confidence: of all widths together.
     """
+    least = float(stats.norm.isf((1 - confidence) / (2 * len(sizes)))) if sizes else 0.0
     chosen: dict[int, tuple[Float, float, float, float, float, float]] = {}
     for size in reversed(sizes):
         axes = vectors.axes[size.number]
@@ -104,7 +110,7 @@ def on_the_map(sizes: Sequence[OneWay], vectors: Vectors, registered: Float, tak
         direction, amount = direction * sign[:, None], amount * sign
         shift = np.einsum("ki,kij,kj->k", direction, registered[size.number], direction)
         error = np.sqrt(size.error**2 + shift)
-        sure = amount > float(stats.norm.ppf(0.995)) * error
+        sure = amount > least * error
         for k, number in enumerate(size.number.tolist()):
             if vectors.status[number] == Status.MEASURED or (number in chosen and not sure[k]):
                 continue
@@ -116,4 +122,5 @@ def on_the_map(sizes: Sequence[OneWay], vectors: Vectors, registered: Float, tak
         np.array(numbers, dtype=np.int64),
         np.array([row[0] for row in rows]).reshape(-1, 3),
         *(np.array([row[k] for row in rows], dtype=np.float64) for k in (1, 2, 3, 4, 5)),
+        widths=len(sizes),
     )
