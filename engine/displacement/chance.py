@@ -6,7 +6,7 @@ import math
 from itertools import product
 
 import numpy as np
-from scipy import stats
+from scipy.special import chndtr, pdtr, pdtrik
 
 from ..core.arrays import Bool
 from .displacement import Displacement
@@ -49,7 +49,13 @@ def counts_by_chance(measured: int, spacing: float, width: float, confidence: fl
         return 0.0, 0
     expected = measured * (1.0 - confidence)
     clump = variance_factor(width / spacing, confidence)
-    return expected, math.floor(clump * float(stats.poisson.ppf(_SURE, expected / clump)))
+    return expected, math.floor(clump * _most_by_chance(expected / clump))
+
+
+def _most_by_chance(expected: float) -> int:
+    """The smallest number that a Poisson distribution does not exceed with the probability ``_SURE``."""
+    most = max(math.ceil(pdtrik(_SURE, expected)), 0)
+    return most - 1 if most and pdtr(most - 1, expected) >= _SURE else most
 
 
 def variance_factor(width: float, confidence: float) -> float:
@@ -74,5 +80,5 @@ def _both_exceed(correlation: float, confidence: float) -> float:
     steps = (np.arange(_STEPS) + 0.5) / _STEPS
     first = level - 2.0 * np.log1p(-steps)
     rest = 1.0 - correlation**2
-    second = stats.ncx2.sf(level / rest, 2, correlation**2 * first / rest)
+    second = 1.0 - chndtr(level / rest, 2, correlation**2 * first / rest)
     return (1.0 - confidence) * float(second.mean())

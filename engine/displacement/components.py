@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from ..core.arrays import Bool, Float, Index
+from ..statistics.normal import quantile
 from .least_squares import Fit
 from .measure import MAX_RESIDUAL_RATIO, MAX_STANDARD_ERROR_M, Windows
 from .one_direction import Component, standard_errors
@@ -57,12 +58,12 @@ class Components:
 
     def significant(self, confidence: float) -> Bool:
         """(k,) whether still ground shows such a component with a probability of at most 1 - ``confidence``."""
-        return np.asarray(self.amount > float(stats.norm.ppf((1 + confidence) / 2)) * self.error)
+        return np.asarray(self.amount > quantile(confidence) * self.error)
 
     @property
     def p_value(self) -> Float:
         """(k,) probability that still ground shows such a component."""
-        return np.asarray(2 * stats.norm.sf(self.amount / self.error))
+        return np.asarray(2 * ndtr(-self.amount / self.error))
 
 
 def held_one_way(fits: Sequence[Fit | Status | Component], windows: Windows) -> OneWay:
@@ -104,7 +105,7 @@ def on_the_map(sizes: Sequence[OneWay], vectors: Vectors, registered: Float, tak
         direction, amount = direction * sign[:, None], amount * sign
         shift = np.einsum("ki,kij,kj->k", direction, registered[size.number], direction)
         error = np.sqrt(size.error**2 + shift)
-        sure = amount > float(stats.norm.ppf(0.995)) * error
+        sure = amount > quantile(0.99) * error
         for k, number in enumerate(size.number.tolist()):
             if vectors.status[number] == Status.MEASURED or (number in chosen and not sure[k]):
                 continue
