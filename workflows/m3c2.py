@@ -19,12 +19,9 @@ from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
-from ..engine.core.version import VERSION
 from ..engine.epochs.comparability import require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
-from ..engine.geometry.rigid_transform import RigidTransform
-from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.m3c2.distances import Distances
 from ..engine.m3c2.level import calibrated, level_facts, report_level
@@ -33,17 +30,17 @@ from ..engine.m3c2.scales import Scales, choose_scales
 from ..engine.m3c2.surveys import Survey
 from ..engine.pointcloud.reading import open_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
-from ..engine.zones.extraction import Origin
-from ..engine.zones.face_zones import face_zones
 from ..interface.parameters import AUTO, DistanceParameters, given
 from .known_registration import KnownRegistration, given_registration
 from .m3c2_clouds import Clouds, Cores, choose_cores, read_clouds, refuse_memory_early
 from .pair import SPOOL, dated_pair, stable_area
-from .products.m3c2 import MAPS, dimensions, main_figures, median_level_95, write_face_zones, write_rasters
+from .products.change import Context
+from .products.m3c2 import MAPS, dimensions, main_figures, write_maps
 from .run import Run, record_name_of
 from .settings import DistanceSettings, groups
 from .topview import region_of
 
+_METHOD = "distance along the normal (M3C2)"
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 
 
@@ -91,11 +88,10 @@ def m3c2_step(
     refuse_other_than_cloud(output)
     refuse_unwritable(output)
     folder, record_name = output.absolute().parent, record_name_of(output)
-    if raster_dir is not None:
-        refuse_results(raster_dir, MAPS, overwrite=overwrite)
+    refuse_results(raster_dir or folder, MAPS, overwrite=overwrite or raster_dir is None)
     raster_dir = folder if raster_dir is None else raster_dir.absolute()
-    inputs: list[tuple[str, Path | None]] = [(f"epoch {e.name}", e.path) for e in epochs]
-    inputs += [("core", core), ("transform", transform_path), ("roi", roi), ("stable", stable)]
+    layers = [("core", core), ("transform", transform_path), ("roi", roi), ("stable", stable)]
+    inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *layers]
     run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones"), inputs, progress)
     run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in MAPS)])
     _check_given(parameters, core, stable, progress)
@@ -123,14 +119,11 @@ def m3c2_step(
         with run.step("write", 0.85, 1.0, "writing"):
             copied = stage.path(output.name)
             copy_with(cores.path, copied, settings.inputs, keep=cores.keep, dimensions=dimensions(found))
-            tags = _tags(epochs, found, registered.transform, hashes)
-            cell = given(parameters.distance_cell) or scales.core_spacing
             run.outputs["points"] = stage.final(output.name)
-            run.outputs |= write_rasters(found, cell, clouds.crs, tags, 0.0, run.stage_in(raster_dir))
-            progress.update(0.5, "outlining zones")
-            origin = Origin((epochs[0].date, epochs[1].date), "distance along the normal (M3C2)", run.run_id(hashes))
-            zones = face_zones(found, cell, clouds.crs, settings.zones, origin=origin)
-            run.figures = _figures(found, scales, parameters) | write_face_zones(run, zones, epochs[1].date, raster_dir)
+            cell = given(parameters.distance_cell) or scales.core_spacing
+            context = Context(*epochs, clouds.crs, registered.transform, hashes, _METHOD, run.run_id(hashes))
+            run.figures = _figures(found, scales, parameters)
+            write_maps(run, found, cell, context, settings.zones, raster_dir)
     return run.result()
 
 
@@ -154,18 +147,6 @@ def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, set
     refuse_memory_early((reference, moving), core, settings.distances)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
-
-
-def _tags(
-    epochs: tuple[Epoch, Epoch], found: Distances, transform: RigidTransform | None, hashes: tuple[str, ...]
-) -> dict[str, str]:
-    return geotiff.raster_tags(
-        epochs=(epochs[0].date, epochs[1].date),
-        median_level=median_level_95(found),
-        translation=None if transform is None else transform.translation,
-        software=f"SlopeWatch {VERSION}",
-        input_sha256=" ".join(hashes),
-    )
 
 
 def _figures(found: Distances, scales: Scales, parameters: DistanceParameters) -> dict[str, Any]:
