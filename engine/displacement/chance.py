@@ -6,7 +6,7 @@ import math
 from itertools import product
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri, chndtr, pdtr, pdtrik
 
 from ..core.arrays import Bool
 from .displacement import Displacement
@@ -61,7 +61,13 @@ def counts_by_chance(
         return 0.0, 0
     expected = measured * (1.0 - confidence)
     clump = variance_factor(width / spacing, confidence, dimensions)
-    return expected, math.ceil(clump * float(stats.poisson.ppf(_SURE, expected / clump)))
+    return expected, math.ceil(clump * _most_by_chance(expected / clump))
+
+
+def _most_by_chance(expected: float) -> int:
+    """The smallest number that a Poisson distribution does not exceed with the probability ``_SURE``."""
+    most = max(math.ceil(pdtrik(_SURE, expected)), 0)
+    return most - 1 if most and pdtr(most - 1, expected) >= _SURE else most
 
 
 def variance_factor(width: float, confidence: float, dimensions: int = 2) -> float:
@@ -83,7 +89,7 @@ def variance_factor(width: float, confidence: float, dimensions: int = 2) -> flo
 def _both_exceed(correlation: float, confidence: float, dimensions: int) -> float:
     """Probability that the squared lengths of two vectors with normal, correlated errors exceed their level."""
     steps = (np.arange(_STEPS) + 0.5) / _STEPS
-    level, *first = stats.chi2.isf((1.0 - confidence) * np.append(1.0, steps), dimensions)
+    level, first = (chdtri(dimensions, (1.0 - confidence) * share) for share in (1.0, steps))
     rest = 1.0 - correlation**2
-    second = stats.ncx2.sf(level / rest, dimensions, correlation**2 * np.array(first) / rest)
+    second = 1.0 - chndtr(level / rest, dimensions, correlation**2 * first / rest)
     return (1.0 - confidence) * float(second.mean())

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from ..core.arrays import Bool, Float, Index
+from ..statistics.normal import quantile
 from .least_squares import Fit
 from .measure import MAX_RESIDUAL_RATIO, MAX_STANDARD_ERROR_M, Windows
 from .one_direction import Component, standard_errors
 from .status import Status
-from .vectors import Vectors
+from .vectors import Vectors, confidence_of_each
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Components:
     @property
     def p_value(self) -> Float:
         """(k,) probability that still ground shows such a component in a window of any width."""
-        return np.minimum(self.widths * 2 * stats.norm.sf(self.amount / self.error), 1.0)
+        return np.minimum(self.widths * 2 * ndtr(-self.amount / self.error), 1.0)
 
 
 def held_one_way(fits: Sequence[Fit | Status | Component], windows: Windows) -> OneWay:
@@ -100,7 +101,7 @@ def on_the_map(
         taken_off: (3,) motion that was taken off the vectors, metres.
         confidence: of all widths together.
     """
-    least = float(stats.norm.isf((1 - confidence) / (2 * len(sizes)))) if sizes else 0.0
+    least = quantile(confidence_of_each(confidence, max(len(sizes), 1)))
     chosen: dict[int, tuple[Float, float, float, float, float, float]] = {}
     for size in reversed(sizes):
         axes = vectors.axes[size.number]

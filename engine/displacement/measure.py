@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from ..core.arrays import Bool, Float, Index
 from .errors import common_ratio, covariances
@@ -132,7 +132,7 @@ def least_information(weak: Float, tried: int) -> float:
         weak: (k,) of the windows that have one; ``tried`` are all that were asked.
     """
     above = np.sort(weak[weak >= MIN_INFORMATION])[::-1]
-    chance = tried * stats.norm.sf(above)
+    chance = tried * ndtr(-above)
     held = above[chance <= MAX_CHANCE_SHARE * np.arange(1, len(above) + 1)]
     if not len(held):
         return float("inf")

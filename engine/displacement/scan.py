@@ -12,9 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal, spatial
+from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float, Index
+from ..statistics.mask_sums import mask_sums
 from .frame import Frame
 from .vectors import Vectors, squared_length
 
@@ -132,7 +133,7 @@ def _apart(
         return np.ones(len(sums.number), dtype=bool)
     frame = layout.frames[int(layout.facet[sums.number[0]])]
     flat = frame.to_plane(widths[mine].places)[:, :2]
-    distance = spatial.cKDTree(flat[out]).query(flat[sums.number])[0]
+    distance = cKDTree(flat[out]).query(flat[sums.number])[0]
     return np.asarray(distance > sums.reach)
 
 
@@ -155,8 +156,8 @@ def _sums(vectors: Vectors, use: Bool, frame: Frame, layout: Layout, error: Floa
         if reach > max(widest, width):
             return
         disc = _disc(frame, layout.spacing, reach)
-        total = _summed(score, disc)[at]
-        weight = _matrices(_summed(information, disc)[at])
+        total = mask_sums(score, disc)[at]
+        weight = _matrices(mask_sums(information, disc)[at])
         spread = _matrices(_pair_sums(information, disc, frame, layout.spacing, width)[at])
         back = np.linalg.inv(weight)
         motion = np.einsum("nij,nj->ni", back, total)
@@ -178,18 +179,9 @@ def _distance(frame: Frame, offset: Float) -> Float:
     return np.asarray(np.sqrt((offset**2).sum(axis=-1) + rise**2))
 
 
-def _summed(values: Float, disc: Bool) -> Float:
-    """Sums of (columns, rows, k) over the disc around each place."""
-    if disc.size == 1:
-        return values * float(disc[0, 0])
-    return np.asarray(
-        signal.fftconvolve(values, disc[::-1, ::-1, None].astype(np.float64), mode="same", axes=(0, 1))
-    )  # fmt: skip
-
-
 def _pair_sums(information: Float, disc: Bool, frame: Frame, spacing: float, width: float) -> Float:
     """Sums over all pairs of windows of the disc around each place: their information by what they have in common."""
-    total = _summed(information, disc)  # each with itself
+    total = mask_sums(information, disc)  # each with itself
     known = information[..., 0] > 0
     reach = int(width / spacing)
     for column in range(reach + 1):
@@ -202,7 +194,7 @@ def _pair_sums(information: Float, disc: Bool, frame: Frame, spacing: float, wid
             pair = np.zeros_like(information)
             held = known[here] & known[there]
             pair[here] = np.where(held[..., None], share * (information[here] + information[there]), 0.0)
-            total = total + _summed(pair, both)
+            total = total + mask_sums(pair, both)
     return np.asarray(total)
 
 

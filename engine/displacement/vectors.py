@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri
 
 from ..core.arrays import Bool, Float, Index
 from .facets import Facets
@@ -99,7 +99,7 @@ class Vectors:
 
 def threshold(confidence: float) -> float:
     """Of ``Vectors.statistic``, which still ground stays below with that probability."""
-    return float(stats.chi2.ppf(confidence, 2))
+    return float(chdtri(2, 1.0 - confidence))
 
 
 def squared_length(vectors: Float, covariance: Float) -> Float:

@@ -18,6 +18,7 @@ from ...interface.seen import REACH_M
 from ..core.arrays import Bool, Float, Index
 from ..geometry.columns import greatest, least, spans
 from ..geometry.dominant_plane import apply_matrix, flattening_matrix
+from ..geometry.near_places import near_places
 from .densification import Triangles, seed_window_of
 from .filtering import dominant_plane, vertical
 from .layered_ground import layered_ground
@@ -25,8 +26,6 @@ from .surface_heights import Whole
 
 MARGIN_M = 4.0
 """Returns so far around a place are looked at, so that its sheet begins on known ground."""
-SQUARES_A_REACH = 1.5
-"""More than the root of two, so that points of one square are near; at most two, so that two squares around suffice."""
 MIN_GROUND_POINTS = 30
 MAX_CHANCE = 0.01
 """Probability that so many returns lie in a sheet by chance, if it is not new."""
@@ -71,42 +70,24 @@ def shared_ground(own: Survey, other: Survey, threshold: float) -> Found:
         return nothing
     plane = dominant_plane(other.xyz[other.ground])
     flat, others = (apply_matrix(flattening_matrix(plane), survey.xyz) for survey in (own, other))
-    hole = _near(others[other.ground], flat) & ~_near(flat[own.ground], flat)
+    hole = near_places(others[other.ground], flat, REACH_M) & ~near_places(flat[own.ground], flat, REACH_M)
     if not (hole & own.taken).any():
         return nothing
-    surface = Triangles(others[other.ground])
-    part = np.flatnonzero(_near(flat[hole], flat, MARGIN_M) & _near(others[other.ground], flat, 2.0 * REACH_M))
+    reach = 2.0 * REACH_M
+    part = np.flatnonzero(near_places(flat[hole], flat, MARGIN_M) & near_places(others[other.ground], flat, reach))
+    # no other triangles matter, and a whole survey has far too many
+    surface = Triangles(others[other.ground & near_places(flat[hole], others, MARGIN_M + reach)])
     level = _over(surface, flat[part])
     # relief is taken off already
     whole = Whole(least(level[:, :2]), seed_window_of(float(spans(level[:, :2]).min())))
     found = layered_ground(level, own.ground[part], own.taken[part], threshold, whole)
     new = found.ground & hole[part] & np.isfinite(found.plant_error)
     moved = np.flatnonzero(new & (np.abs(level[:, 2]) > found.threshold))
-    around = others[_near(flat[hole], others)]
+    around = others[near_places(flat[hole], others, REACH_M)]
     new[moved] = _is_new(level, moved, _over(surface, around), found.threshold)
     index = np.flatnonzero(new)
     values = (each[index] * vertical(plane.dip) for each in (found.height, found.plant_error, found.plant_height))
     return Found(part[index], *values)
-
-
-def _near(places: Float, points: Float, reach: float = REACH_M) -> Bool:
-    """(n,) which points (n, 3) lie within ``reach`` m of one of the places (m, 3), seen from above.
-
-    A point in the square of a place is near. Distances are taken only of the others that have one in a square around.
-    """
-    if not len(places):
-        return np.zeros(len(points), dtype=np.bool_)
-    side, low = reach / SQUARES_A_REACH, least(places[:, :2])
-    square = np.floor((places[:, :2] - low) / side).astype(np.int64) + 2
-    holds = np.zeros(greatest(square) + 3, dtype=bool)
-    holds[tuple(square.T)] = True
-    about = ndimage.binary_dilation(holds, np.ones((5, 5)))
-    place = np.clip(np.floor((points[:, :2] - low) / side) + 2, 0, np.array(holds.shape) - 1).astype(np.int64).T
-    near = holds[tuple(place)]
-    rest = np.flatnonzero(about[tuple(place)] & ~near)
-    distance, _ = cKDTree(places[:, :2]).query(points[rest, :2], distance_upper_bound=reach)
-    near[rest] = distance <= reach
-    return np.asarray(near, dtype=np.bool_)
 
 
 def _over(surface: Triangles, points: Float) -> Float:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ...interface.seen import NOT_SEEN
@@ -73,6 +74,6 @@ def draw_unseen_key(sheet: Sheet, x: float, y: float, width: float = 0.24, *, ba
 
 def _hatched(shape: tuple[int, ...], period: int) -> NDArray[np.uint8]:
     """Stripes (rows, columns, 4) that come again every ``period`` pixels along a row."""
-    diagonal = np.add.outer(np.arange(shape[0]), np.arange(shape[1]))
-    stripe = diagonal % period < max(1, round(_STRIPE_SHARE * period))
-    return np.where(stripe[..., np.newaxis], UNSEEN_STRIPE, UNSEEN_FILL).astype(np.uint8)
+    stripe = np.arange(sum(shape)) % period < max(1, round(_STRIPE_SHARE * period))
+    along = np.where(stripe[:, np.newaxis], UNSEEN_STRIPE, UNSEEN_FILL).astype(np.uint8)
+    return sliding_window_view(along, shape[1], axis=0)[: shape[0]].transpose(0, 2, 1).copy()

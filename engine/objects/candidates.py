@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..core.arrays import Float, Index
+from ..geometry.near_places import near_places
 from ..ground.result import MIN_VEGETATION_HEIGHT_M
 from .survey import Survey
 
@@ -41,14 +42,15 @@ def changed_returns(owner: Heights, other: Heights) -> Index:
     if not len(raised) or not low.any():
         return raised[:0]
     xyz, height = owner.survey.xyz[raised], owner.height[raised]
-    seen = cKDTree(other.survey.xyz[low, :2]).query(xyz[:, :2], distance_upper_bound=SEEN_M, workers=-1)[0]
-    kept = np.isfinite(seen)
+    kept = near_places(other.survey.xyz[low], xyz, SEEN_M)
     raised, xyz, height = raised[kept], xyz[kept], height[kept]
     standing = np.flatnonzero(~low)
     if not len(raised) or not len(standing):
         return raised
     reach = max(_MIN_MATCH_M, _MATCHED_SPACINGS * other.survey.spacing)
-    tree = cKDTree(other.survey.xyz[standing])
-    _, near = tree.query(xyz, k=_MATCHED, distance_upper_bound=reach, workers=-1)
-    there = np.append(other.height[standing], -np.inf)[near]
-    return raised[~(there >= _MATCHED_SHARE * height[:, None]).any(axis=1)]
+    tree, others = cKDTree(other.survey.xyz[standing]), np.append(other.height[standing], -np.inf)
+    left = np.arange(len(raised))
+    for count in (1, _MATCHED):  # for most the nearest one decides, which is found sooner
+        _, near = tree.query(xyz[left], k=range(1, count + 1), distance_upper_bound=reach)
+        left = left[~(others[near] >= _MATCHED_SHARE * height[left, None]).any(axis=1)]
+    return raised[left]

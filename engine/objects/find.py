@@ -13,7 +13,7 @@ from ..geometry.voxel_groups import groups
 from .base import NEIGHBOURS, Base
 from .candidates import MIN_HEIGHT_M, Heights, changed_returns, link_length
 from .evidence import Counts, Place, Tops, core, footprint, likelihood_ratio, pit_below
-from .shapes import Shape, shape_of
+from .shapes import Shape, shape_of, top_of
 from .survey import Survey
 
 MAX_CHANCE = 0.0005
@@ -59,12 +59,13 @@ class Found:
         return between <= MAX_BENEATH and around <= MAX_AROUND and self.ended >= MIN_ENDED
 
     @property
-    def flat(self) -> bool:
-        return self.shape.lowest >= FLAT_TOP * self.shape.height
-
-    @property
     def chance(self) -> float:
         return likelihood_ratio(self.owner, self.other)
+
+
+def is_flat(height: Float) -> bool:
+    """Whether returns (n,) so high over the ground, m, are those of a flat top."""
+    return bool(height.min() >= FLAT_TOP * top_of(height))
 
 
 def find_groups(first: Survey, later: Survey) -> list[Found]:
@@ -118,8 +119,10 @@ class Pair:
             if np.isin(part, used).any():
                 continue
             grown = self._grown(part, solid, scale)
-            both = (self._one(returns, link) for returns in ((part, grown) if len(grown) > len(part) else (part,)))
-            surfaces = [one for one in both if one is not None and one.closed and (one.flat or not flat)]
+            both = (part, grown) if len(grown) > len(part) else (part,)
+            # most groups are vegetation, and their heights tell it at once
+            some = [returns for returns in both if not flat or is_flat(self.owner.heights[returns])]
+            surfaces = [one for returns in some if (one := self._one(returns, link)) is not None and one.closed]
             if surfaces:
                 found.append(min(surfaces, key=lambda one: one.chance))
                 used = np.union1d(used, found[-1].returns)

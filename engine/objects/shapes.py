@@ -44,12 +44,17 @@ def shape_of(xyz: Float, height: Float, around: tuple[Float, Float], area: BaseG
     return Shape(
         length=length,
         width=width,
-        height=float(np.quantile(height, 0.95)) if len(height) >= 20 else float(height.max()),
+        height=top_of(height),
         lowest=float(height.min()),
         volume=volume,
         volume_error=error,
         misfit=_misfit(xyz),
     )
+
+
+def top_of(height: Float) -> float:
+    """Height (m) of the top of returns (n,) so high over the ground."""
+    return float(np.quantile(height, 0.95)) if len(height) >= 20 else float(height.max())
 
 
 def sides(area: BaseGeometry) -> tuple[float, float]:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from laspy import DecompressionSelection as Fields
-from numpy.typing import NDArray
 
 from ...interface.parameters import InputParameters
 from ..core.arrays import Bool, Float, Index
@@ -67,24 +65,23 @@ def read_survey(path: Path, transform: RigidTransform | None = None, inputs: Inp
         InputError: see ``open_cloud``; damaged points.
     """
     header, frame = open_cloud(path, inputs)
-    counts, side = ReturnCounts(), VOXEL_M
-    held = Survey(np.empty((0, 3)), np.empty(0, dtype=bool), np.empty(0, dtype=bool))
+    counts, side, parts = ReturnCounts(), VOXEL_M, []
     for records in read_records(header, selection=PLACES | Fields.CLASSIFICATION):
         number, total = np.array(records["return_number"]), np.array(records["number_of_returns"])
         counts = counts.with_more(number, total)
         xyz = coordinates(records, header, frame.factors)
         xyz = xyz if transform is None else transform.apply(xyz)
-        part = Survey(xyz, np.array(records["classification"]) == GROUND, are_last(number, total)).thinned(side)
-        held = _joined(held, part).thinned(side)
-        while len(held) > MAX_POINTS:
-            side *= 2.0
-            held = held.thinned(side)
-    usable = returns_of(counts).usable
-    return held if usable else replace(held, last=np.ones(len(held), dtype=bool))
+        parts.append(Survey(xyz, np.array(records["classification"]) == GROUND, are_last(number, total)).thinned(side))
+        if sum(map(len, parts)) > MAX_POINTS:
+            parts = [_joined(parts).thinned(side)]
+            while len(parts[0]) > MAX_POINTS:
+                side *= 2.0
+                parts = [parts[0].thinned(side)]
+    held = _joined(parts).thinned(side)
+    return held if returns_of(counts).usable else replace(held, last=np.ones(len(held), dtype=bool))
 
 
-def _joined(a: Survey, b: Survey) -> Survey:
-    def joined(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
-        return np.concatenate([one, other])
-
-    return Survey(joined(a.xyz, b.xyz), joined(a.ground, b.ground), joined(a.last, b.last))
+def _joined(parts: list[Survey]) -> Survey:
+    nothing = Survey(np.empty((0, 3)), np.empty(0, dtype=bool), np.empty(0, dtype=bool))
+    columns = zip(*((part.xyz, part.ground, part.last) for part in (nothing, *parts)), strict=True)
+    return Survey(*(np.concatenate(column) for column in columns))

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.sparse import csr_array
+from scipy.special import ndtri, stdtrit
 
 from ..core.arrays import Float
 
@@ -42,5 +42,5 @@ def block_jackknife(matrices: Float, vectors: Float, solution: Float, block: NDA
     share = np.maximum(np.einsum("ia,bij,ja->ba", gain, parts, gain), 0.0)
     freedom = np.maximum(share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300) - 1.0, 1.0)
     tail = (1 + _COVERAGE) / 2
-    factor = stats.t.ppf(tail, freedom) / stats.norm.ppf(tail)
+    factor = stdtrit(freedom, tail) / ndtri(tail)
     return np.asarray(covariance), np.asarray((axes * factor) @ axes.T)

@@ -255,7 +255,7 @@ class _Task:
         trials = np.vstack([np.zeros((1, 6)), _trials(system, patches, numbers, level, offset)])
         areas = _areas(system, patches, usable, level, trials)
         found: list[_Found] = []
-        for number in np.argsort(-areas, kind="stable"):
+        for number in np.argsort(-areas, kind="stable")[: np.count_nonzero(areas)]:
             inside = agreement_weights(patches, usable, system.excess(trials[number : number + 1]), level)[:, 0] > 0
             if any(patches.area[inside & f.agrees].sum() > 0.5 * patches.area[inside].sum() for f in found):
                 continue

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.optimize import minimize_scalar
+from scipy.special import fdtri
 
 from ..core.arrays import Float
 from .block_jackknife import block_jackknife
@@ -76,7 +76,7 @@ def estimated_strain(matrices: Float, vectors: Float, centre: Float, block: NDAr
     covariance, estimate = (widen @ covariance @ widen)[6:, 6:], solution[6:]
     # Hotelling's limit for a covariance that is known from so many blocks
     size, freedom = len(estimate), int(block.max()) - len(solution) + 1
-    limit = size * freedom / (freedom - size + 1) * stats.f.ppf(_MIN_CONFIDENCE, size, freedom - size + 1)
+    limit = size * freedom / (freedom - size + 1) * fdtri(size, freedom - size + 1, _MIN_CONFIDENCE)
     if estimate @ np.linalg.solve(covariance, estimate) < limit:
         return None
     mean, moment, size = _moments(estimate, covariance)

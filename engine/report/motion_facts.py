@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri
 
 from ...interface.parameters import DisplacementParameters
 from ..core.arrays import Float
@@ -201,7 +201,7 @@ def _common(motion: CommonMotion | None) -> dict[str, Any] | None:
     statistic = float(squared_length(motion.motion[None], motion.covariance[None])[0])
     return {
         "motion_m": [float(part) for part in motion.motion],
-        "beyond_its_error": statistic > float(stats.chi2.ppf(_COMMON_CONFIDENCE, 3)),
+        "beyond_its_error": statistic > float(chdtri(3, 1.0 - _COMMON_CONFIDENCE)),
         "error_m": [float(part) for part in np.sqrt(np.diag(motion.covariance))],
         "share": motion.share,
         "variance_factor": motion.factor if np.isfinite(motion.factor) else None,

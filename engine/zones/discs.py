@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from ..core.arrays import Float
+from ..statistics.mask_sums import mask_sums
 
 _STEP = math.sqrt(2.0)  # of radii
 
@@ -27,14 +27,13 @@ def best_discs(change: Float, error: Float, usable: NDArray[np.bool_], own: NDAr
     """
     rows, columns = np.nonzero(own)
     longest = max(np.ptp(rows), np.ptp(columns)) / 2.0 + 0.5
-    values = np.where(usable, change, 0.0), np.where(usable, error, 0.0) ** 2
+    values = np.stack([np.where(usable, change, 0.0), np.where(usable, error, 0.0) ** 2], axis=-1)
     row, column = np.indices(own.shape)
     for step in range(1 + math.ceil(max(math.log(longest, _STEP), 0.0))):
         radius = _STEP**step
         reach = np.arange(-int(radius), int(radius) + 1)
-        disc = (np.hypot(reach[:, None], reach) <= radius).astype(np.float64)
-        total, variance = (fftconvolve(v, disc, mode="same")[own] for v in values)
-        best = int(np.argmax(total / np.sqrt(np.maximum(variance, values[1][own]))))
+        total, variance = mask_sums(values, np.hypot(reach[:, None], reach) <= radius)[own].T
+        best = int(np.argmax(total / np.sqrt(np.maximum(variance, values[own, 1]))))
         inside = np.hypot(row - rows[best], column - columns[best]) <= radius
         yield (inside & usable).astype(np.float64)
 

@@ -14,8 +14,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
-from scipy.special import ndtr
+from scipy.optimize import minimize_scalar
+from scipy.special import chdtrc, ndtr
 
 from ..core.arrays import Float
 from ..displacement.gravity import is_uphill
@@ -77,8 +77,8 @@ def sliding_probability(along: Float, normal: float, covariance: Float, slope_de
         return float(off @ np.linalg.solve(to_rest @ covariance @ to_rest.T, off))
 
     least = min(statistic(0.0), statistic(1.0))
-    found = optimize.minimize_scalar(statistic, bounds=(0.0, 1.0), method="bounded")
-    return float(stats.chi2.sf(min(least, float(found.fun)), 2))
+    found = minimize_scalar(statistic, bounds=(0.0, 1.0), method="bounded")
+    return float(chdtrc(2, min(least, float(found.fun))))
 
 
 def decide(evidence: Evidence, confidence: float = 0.99) -> Verdict:

@@ -20,9 +20,12 @@ from ...engine.m3c2.distances import Distances, Status
 from ...engine.maps import palette, qgis_styles
 from ...engine.statistics.normal import quantile
 from ...engine.statistics.robust import nmad
-from ...engine.zones.face_zones import FaceZones
+from ...engine.zones.extraction import Origin
+from ...engine.zones.face_zones import FaceZones, face_zones
 from ...engine.zones.gcd_table import table_frame, volume_table, write_volume_table
+from ...interface.parameters import ZoneParameters
 from ..run import Run
+from .change import Context
 from .masked_raster import Legend, write_masked_raster
 from .zones import write_zones, zone_figures
 
@@ -113,6 +116,22 @@ def write_rasters(
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs
+
+
+def write_maps(
+    run: Run, found: Distances, cell: float, context: Context, parameters: ZoneParameters, folder: Path
+) -> None:
+    """Write rasters and zones into ``folder``; ``run`` gets their paths and figures.
+
+    Args:
+        cell: metres, of the rasters and of the cells on the face.
+    """
+    tags = context.tags(median_level_95(found))
+    run.outputs |= write_rasters(found, cell, context.crs, tags, 0.0, run.stage_in(folder))
+    run.progress.update(0.5, "outlining zones")
+    origin = Origin(context.dates, context.method, context.run_id)
+    zones = face_zones(found, cell, context.crs, parameters, origin=origin)
+    run.figures |= write_face_zones(run, zones, context.second.date, folder)
 
 
 def write_face_zones(run: Run, found: FaceZones, stamp: date | None, folder: Path) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc
 
 from ....interface.parameters import DisplacementParameters
 from ...core.arrays import Float, Index
@@ -239,7 +239,7 @@ def _chances(done: Adjusted, field: Field, last: int) -> Float:
     motion, covariance = evidence(done.motion[:, last], done, field.surveys.days, last)
     statistic = squared_length(motion[:, :2], covariance[:, :2, :2])
     tests = tests_of(last) * max(field.independent, 1.0)
-    return np.minimum(np.asarray(stats.chi2.sf(statistic, 2)) * tests, 1.0)
+    return np.minimum(np.asarray(chdtrc(2, statistic)) * tests, 1.0)
 
 
 def unevenness(way: Float, error: Float, independent: float) -> float:
