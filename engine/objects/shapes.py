@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from ..core.arrays import Float
 from .base import NEIGHBOURS
+from .evidence import top_of
 
 _MIN_FITTED = 9
 
@@ -50,11 +51,6 @@ def shape_of(xyz: Float, height: Float, around: tuple[Float, Float], area: BaseG
         volume_error=error,
         misfit=_misfit(xyz),
     )
-
-
-def top_of(height: Float) -> float:
-    """Height (m) of the top of returns (n,) so high over the ground."""
-    return float(np.quantile(height, 0.95)) if len(height) >= 20 else float(height.max())
 
 
 def sides(area: BaseGeometry) -> tuple[float, float]:

@@ -118,6 +118,20 @@ def test_the_volume_is_right_in_the_mean_and_its_interval_holds(top, volume, wid
     assert np.median(widths) < width * volume
 
 
+def test_vegetation_lower_than_a_wall_does_not_hide_it():
+    """Where a wall is built into brush, both surveys have returns over the ground; only one has a closed flat top."""
+    first = bare(1, 4.0)
+    random = np.random.default_rng(3)
+    brush = np.where(random.random(len(first)) < 0.7, random.uniform(0.35, 0.75, len(first)), 0.0)
+    grown = replace(first, xyz=first.xyz + brush[:, None] * [0.0, 0.0, 1.0], ground=brush == 0.0)
+    top = box(12.0, 12.0, 0.5, 9.0, 1.2)
+    over = np.maximum(top(*first.xyz[:, :2].T), brush)
+    later = replace(first, xyz=first.xyz + over[:, None] * [0.0, 0.0, 1.0], ground=over == 0.0)
+    table = found(grown, later)
+    assert (table["kind"] == "wall").sum() == 1
+    assert table["length_m"].max() > 7.0
+
+
 def test_low_vegetation_below_a_boulder_is_no_part_of_it():
     first = bare(1)
     random = np.random.default_rng(3)
