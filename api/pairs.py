@@ -92,6 +92,7 @@ def m3c2(
     core: PathLike | None = None,
     dates: tuple[str | date | None, str | date | None] = (None, None),
     transform: PathLike | None = None,
+    roi: PathLike | None = None,
     stable: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -99,7 +100,8 @@ def m3c2(
     """Distances along normals between two registered ground clouds, as ``slopewatch m3c2``.
 
     ``raster_dir`` is the folder of the rasters, that of ``output`` by default; ``core`` a cloud of the points to
-    measure at. ``stable`` are polygons of stable ground, on which the level of detection is calibrated.
+    measure at. ``roi`` are polygons of the slope, outside of which no core point lies. ``stable`` are polygons of
+    stable ground, on which the level of detection is calibrated.
     """
     values = Values(parameters, (*command_sets.M3C2, OutputParameters))
     return m3c2_step(
@@ -107,7 +109,7 @@ def m3c2(
         Path(moving),
         Path(output),
         gathered(DistanceSettings, values.of),
-        **paths(raster_dir=raster_dir, core=core, transform_path=transform, stable=stable),
+        **paths(raster_dir=raster_dir, core=core, transform_path=transform, roi=roi, stable=stable),
         dates=(day(dates[0]), day(dates[1])),
         overwrite=values.overwrite,
         progress=progress or Progress(),

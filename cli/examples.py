@@ -90,7 +90,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "m3c2": (
-        ("A steep face", f"slopewatch m3c2 {_PAIR} --output distances.laz"),
+        ("A steep face", f"slopewatch m3c2 {_PAIR} --roi slope.gpkg --output distances.laz"),
         (
             "At the points of a third cloud, with a cylinder of 0.5 m",
             f"slopewatch m3c2 {_PAIR} --core points.laz \\\n    --projection-scale 0.5 --output distances.laz",

@@ -8,7 +8,7 @@ import click
 
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import OutputParameters, command_sets
-from .options import Session, command, pair, path_option
+from .options import ROI, Session, command, pair, path_option
 
 
 @click.command()
@@ -20,6 +20,7 @@ from .options import Session, command, pair, path_option
     metavar="DIR",
 )
 @path_option("--core", "Cloud of the points to measure at.  [default: points of REFERENCE, evenly spread]")
+@ROI
 @path_option("--stable", "Polygons of ground that has not moved.  [default: found in the distances]")
 @command(*command_sets.M3C2, OutputParameters, profile=False)
 def m3c2(
@@ -32,6 +33,7 @@ def m3c2(
     epoch_from: str | None,
     epoch_to: str | None,
     transform: Path | None,
+    roi: Path | None,
     stable: Path | None,
 ) -> RunResult:
     """Distance of MOVING from REFERENCE, two registered ground clouds, along the surface's normal (M3C2).
@@ -51,6 +53,7 @@ def m3c2(
         core=core,
         dates=(epoch_from, epoch_to),
         transform_path=transform,
+        roi=roi,
         stable=stable,
         overwrite=session.overwrite,
         progress=session.report,

@@ -62,7 +62,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
         "cloud to cloud", "C2C", "cloud comparison",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.M3C2
-    BASIC = ("ground", "normal_scale", "projection_scale", "core_spacing")
+    BASIC = ("ground", "normal_scale", "projection_scale")
     NUMBERS: ClassVar = {
         "CORE_POINTS": ("core_points", "Core points"),
         "MEASURED_POINTS": ("measured_points", "Core points with a level of detection"),
@@ -77,7 +77,12 @@ class M3C2Distances(SlopeWatchAlgorithm):
         "PROJECTION_SCALE_USED": ("projection_scale_m", "Projection scale used (m)"),
         "HALF_LENGTH_USED": ("half_length_m", "Half length of the cylinder used (m)"),
     }
-    FILES: ClassVar = {"RUN_RECORD": ("run", "Run record")}
+    PAGES: ClassVar = {"REPORT": ("report", "Report")}
+    FILES: ClassVar = {
+        "VOLUMES": ("m3c2_volumes", "Table of areas and volumes"),
+        "FACE_PICTURE": ("m3c2_face", "Picture of the face"),
+        "RUN_RECORD": ("run", "Run record"),
+    }
 
     def inputs(self) -> None:
         self.add(
@@ -88,6 +93,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
                 "Cloud of the points to measure at. Not set: points of the reference, evenly spread.",
                 optional=True,
             ),
+            declare.roi_parameter("the whole clouds", "Core points outside are left out"),
             declare.transform_parameter(" The registration's error is taken from it."),
         )
         self.declare_groups()
@@ -105,7 +111,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
 
     def arguments(self, values: Values) -> list[str]:
         surveys = [values.file("REFERENCE"), values.file("CLOUD")]
-        options = [*values.pair_options(), *values.options("CORE", "TRANSFORM", "STABLE")]
+        options = [*values.pair_options(), *values.options("CORE", "ROI", "TRANSFORM", "STABLE")]
         return ["m3c2", *surveys, "--output", values.output_file("OUTPUT"), *options]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

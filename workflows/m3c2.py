@@ -19,12 +19,9 @@ from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
-from ..engine.core.version import VERSION
 from ..engine.epochs.comparability import require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
-from ..engine.geometry.rigid_transform import RigidTransform
-from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.m3c2.distances import Distances
 from ..engine.m3c2.level import calibrated, level_facts, report_level
@@ -33,16 +30,17 @@ from ..engine.m3c2.scales import Scales, choose_scales
 from ..engine.m3c2.surveys import Survey
 from ..engine.pointcloud.reading import open_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
-from ..engine.zones.extraction import Origin
-from ..engine.zones.face_zones import face_zones
 from ..interface.parameters import AUTO, DistanceParameters, given
 from .known_registration import KnownRegistration, given_registration
-from .m3c2_clouds import Cores, choose_cores, read_clouds, refuse_memory_early
+from .m3c2_clouds import Clouds, Cores, choose_cores, read_clouds, refuse_memory_early
 from .pair import SPOOL, dated_pair, stable_area
-from .products.m3c2 import MAPS, dimensions, main_figures, median_level_95, write_face_zones, write_rasters
-from .run import Run, record_name_of
+from .products.change import Context
+from .products.m3c2 import MAPS, dimensions, main_figures, write_maps
+from .run import Run, record_name_of, report_name_of
 from .settings import DistanceSettings, groups
+from .topview import region_of
 
+_METHOD = "distance along the normal (M3C2)"
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 
 
@@ -65,6 +63,7 @@ def m3c2_step(
     core: Path | None,
     dates: tuple[str | None, str | None],
     transform_path: Path | None,
+    roi: Path | None = None,
     stable: Path | None = None,
     overwrite: bool = False,
     progress: Progress,
@@ -76,6 +75,7 @@ def m3c2_step(
         raster_dir: folder of the rasters and zones; that of ``output`` by default.
         core: cloud of the core points; by default points of the reference, evenly spread.
         transform_path: transform.json to apply to ``moving`` first.
+        roi: polygons of the slope; core points outside are left out.
         stable: polygons known to be stable, on which the level is calibrated; found in the distances without.
         overwrite: replace files that ``raster_dir`` holds. Other results there are not touched, nor asked about.
 
@@ -88,15 +88,16 @@ def m3c2_step(
     refuse_other_than_cloud(output)
     refuse_unwritable(output)
     folder, record_name = output.absolute().parent, record_name_of(output)
-    if raster_dir is not None:
-        refuse_results(raster_dir, MAPS, overwrite=overwrite)
+    refuse_results(raster_dir or folder, MAPS, overwrite=overwrite or raster_dir is None)
     raster_dir = folder if raster_dir is None else raster_dir.absolute()
-    inputs: list[tuple[str, Path | None]] = [(f"epoch {e.name}", e.path) for e in epochs]
-    inputs += [("core", core), ("transform", transform_path), ("stable", stable)]
+    layers = [("core", core), ("transform", transform_path), ("roi", roi), ("stable", stable)]
+    inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *layers]
     run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones"), inputs, progress)
-    run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in MAPS)])
+    own = [output, *(folder / name for name in (record_name, report_name_of(record_name)))]
+    run.refuse_outputs([*own, *(raster_dir / name for name in MAPS)])
     _check_given(parameters, core, stable, progress)
     check_pair(*epochs)
+    region = region_of(roi, reference, settings.inputs, progress)
     registered = given_registration(transform_path)
     _refuse_clouds(run, epochs, core, settings)
     registered = registered.or_recorded(moving, hashes := run.hash_inputs()[:2], progress)
@@ -104,11 +105,11 @@ def m3c2_step(
         run.facts["transform"] = registered.transform.matrix
     error = _registration_error(parameters, registered, progress)
     with (
-        run.writing(folder, record_name=record_name, others=[raster_dir]) as stage,
+        run.writing(folder, record_name=record_name, others=[raster_dir], report=True, pictures=raster_dir) as stage,
         cancellation.temporary(stage.folder / SPOOL) as spool,
     ):
-        clouds = read_clouds(run, spool, (reference, moving), settings, registered.to_apply)
-        scales = _scales(run, clouds.surveys, parameters)
+        clouds = read_clouds(run, spool, (reference, moving), settings, registered.to_apply, region)
+        scales = _scales(run, clouds, parameters)
         with run.step("distances", 0.35, 0.85, "measuring") as entry:
             cores, scales = choose_cores(clouds, reference, core, scales, settings, progress)
             run.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, core is not None)}
@@ -119,14 +120,12 @@ def m3c2_step(
         with run.step("write", 0.85, 1.0, "writing"):
             copied = stage.path(output.name)
             copy_with(cores.path, copied, settings.inputs, keep=cores.keep, dimensions=dimensions(found))
-            tags = _tags(epochs, found, registered.transform, hashes)
-            cell = given(parameters.distance_cell) or scales.core_spacing
             run.outputs["points"] = stage.final(output.name)
-            run.outputs |= write_rasters(found, cell, clouds.crs, tags, 0.0, run.stage_in(raster_dir))
-            progress.update(0.5, "outlining zones")
-            origin = Origin((epochs[0].date, epochs[1].date), "distance along the normal (M3C2)", run.run_id(hashes))
-            zones = face_zones(found, cell, clouds.crs, settings.zones, origin=origin)
-            run.figures = _figures(found, scales, parameters) | write_face_zones(run, zones, epochs[1].date, raster_dir)
+            cell = given(parameters.distance_cell) or scales.core_spacing
+            context = Context(*epochs, clouds.crs, registered.transform, hashes, _METHOD, run.run_id(hashes))
+            run.figures = _figures(found, scales, parameters)
+            write_maps(run, found, cell, context, settings.zones, raster_dir)
+        run.facts |= {"run_id": context.run_id, "registration": dict(registered.facts)}
     return run.result()
 
 
@@ -152,18 +151,6 @@ def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, set
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
 
 
-def _tags(
-    epochs: tuple[Epoch, Epoch], found: Distances, transform: RigidTransform | None, hashes: tuple[str, ...]
-) -> dict[str, str]:
-    return geotiff.raster_tags(
-        epochs=(epochs[0].date, epochs[1].date),
-        median_level=median_level_95(found),
-        translation=None if transform is None else transform.translation,
-        software=f"SlopeWatch {VERSION}",
-        input_sha256=" ".join(hashes),
-    )
-
-
 def _figures(found: Distances, scales: Scales, parameters: DistanceParameters) -> dict[str, Any]:
     return {
         **main_figures(found),
@@ -173,9 +160,9 @@ def _figures(found: Distances, scales: Scales, parameters: DistanceParameters) -
     }
 
 
-def _scales(run: Run, clouds: tuple[Survey, Survey], parameters: DistanceParameters) -> Scales:
+def _scales(run: Run, clouds: Clouds, parameters: DistanceParameters) -> Scales:
     with run.step("scales", 0.2, 0.35, "choosing scales"):
-        scales = choose_scales(clouds[0], clouds[1], parameters, run.progress)
+        scales = choose_scales(*clouds.surveys, parameters, run.progress, clouds.area)
         for sentence in scales.warnings:
             run.progress.warning(sentence)
     return scales
@@ -258,7 +245,8 @@ def _given_normals(cores: Cores, settings: DistanceSettings) -> Float:
     """Directions to measure in (m, 3)."""
     normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
     # another unit stretches the surface along an axis, and its normals the other way
-    return np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors))
+    normal = np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors))
+    return normal if cores.keep is None else normal[cores.keep]
 
 
 def _warn(found: Distances, beyond: int, scales: Scales, shift: float | None, progress: Progress) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
+from shapely import prepare
+from shapely.geometry.base import BaseGeometry
 
 from ..engine.core.arrays import Bool, Float, Index
 from ..engine.core.errors import InputError
@@ -19,12 +21,13 @@ from ..engine.epochs.comparability import refuse_other_heights
 from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.ground.pdal_pipelines import GROUND
 from ..engine.ground.raw_survey import taken_as_ground
-from ..engine.m3c2.scales import Scales, overlap_bounds, survey_cores
+from ..engine.m3c2.scales import Scales, inside, overlap_bounds, survey_cores
 from ..engine.m3c2.surveys import HeldSurvey, StoredSurvey, Survey
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.header import preflight
 from ..engine.pointcloud.in_parts import CloudFile
 from ..engine.pointcloud.reading import read_cloud
+from ..engine.vector.area import Roi, refuse_outside
 from ..interface.parameters import DistanceParameters, given
 from . import pair
 from .pair import ground_of, ground_on_disk
@@ -70,12 +73,17 @@ class Memory:
 
 @dataclass(frozen=True)
 class Clouds:
-    """Both clouds in one frame, and which points of the reference's file (n,) its ground is (None: all)."""
+    """Both clouds in one frame, and which points of the reference's file (n,) its ground is (None: all).
+
+    Core points lie within ``area`` (None: everywhere). The clouds are whole: a cylinder at the edge of the area that
+    lacks the points beyond it has another mean.
+    """
 
     surveys: tuple[Survey, Survey]
     crs: CRS
     taken: Bool | None
     memory: Memory
+    area: BaseGeometry | None = None
 
     @property
     def in_parts(self) -> bool:
@@ -122,15 +130,21 @@ def refuse_memory_early(clouds: tuple[Path, Path], core: Path | None, parameters
 
 
 def read_clouds(
-    run: Run, folder: Path, paths: tuple[Path, Path], settings: DistanceSettings, transform: RigidTransform | None
+    run: Run,
+    folder: Path,
+    paths: tuple[Path, Path],
+    settings: DistanceSettings,
+    transform: RigidTransform | None,
+    region: Roi | None = None,
 ) -> Clouds:
     """The ground of both clouds in one frame.
 
     Args:
         folder: for the points of clouds that stay on the disk.
+        region: of the core points.
 
     Raises:
-        InputError: as the readers; heights of another system; a disk that is too full.
+        InputError: as the readers; heights of another system; a disk that is too full; a region elsewhere.
     """
     memory = Memory.of(settings.distances)
     with run.step("read", 0.0, 0.2, "reading") as entry:
@@ -141,7 +155,13 @@ def read_clouds(
         else:
             entry["in_parts"] = True
             clouds = _stored(folder, paths, settings, transform, run.progress)
-    return clouds
+    if region is None:
+        return clouds
+    for survey, path in zip(clouds.surveys, paths, strict=True):
+        low, high = (end.tolist() for end in survey.bounds)
+        refuse_outside(region, (low[0], low[1], high[0], high[1]), path)
+    prepare(region.geometry)
+    return replace(clouds, area=region.geometry)
 
 
 def _held(
@@ -211,10 +231,14 @@ def choose_cores(
         InputError: more core points than the memory holds, at a spacing that is given.
     """
     if core is not None:
-        return Cores(read_cloud(core, settings.inputs, progress=progress).xyz, core, None), scales
+        xyz = read_cloud(core, settings.inputs, progress=progress).xyz
+        keep = None if clouds.area is None else inside(clouds.area, xyz)
+        if keep is not None and not keep.any():
+            raise InputError(f"{shown(core)} has no core point inside the region of --roi; check both.")
+        return Cores(xyz if keep is None else xyz[keep], core, keep), scales
     first, later = clouds.surveys
     bounds, wanted = overlap_bounds(first, later), scales.core_spacing
-    xyz, number = survey_cores(first, wanted, bounds)
+    xyz, number = survey_cores(first, wanted, bounds, clouds.area)
     while clouds.in_parts and len(xyz) > clouds.memory.most_cores:
         if given(settings.distances.core_spacing) is not None:
             raise InputError(
@@ -223,7 +247,7 @@ def choose_cores(
                 "--memory-limit."
             )
         scales = replace(scales, core_spacing=_next_plain(scales.core_spacing))
-        xyz, number = survey_cores(first, scales.core_spacing, bounds)
+        xyz, number = survey_cores(first, scales.core_spacing, bounds, clouds.area)
     if scales.core_spacing > wanted:
         progress.warning(
             f"Core points every {scales.core_spacing:g} m, because those every {wanted:g} m, which would suit the "

@@ -6,12 +6,11 @@ import math
 from itertools import product
 
 import numpy as np
-from scipy.special import chndtr, pdtr, pdtrik
+from scipy.special import chdtri, chndtr, pdtr, pdtrik
 
 from ..core.arrays import Bool
 from .displacement import Displacement
 from .scan import common_share
-from .vectors import threshold
 
 _SURE = 0.95
 """That chance stays below the largest count that is called one of chance."""
@@ -39,7 +38,20 @@ def beyond_chance(found: Displacement) -> Bool:
     return found.significant & (inside | more)
 
 
-def counts_by_chance(measured: int, spacing: float, width: float, confidence: float) -> tuple[float, int]:
+def components_beyond_chance(found: Displacement) -> Bool:
+    """(k,) the significant components that are shown: all of them if they are more than chance makes, else none.
+
+    Components of windows that overlap are taken as equal in direction, which makes the limit larger.
+    """
+    parts, use = found.components, found.significant_components
+    width = float(parts.width.max()) if len(parts.width) else 0.0
+    most = counts_by_chance(len(use), found.grid.cell, width, found.confidence, 1)[1]
+    return use & (np.count_nonzero(use) > most)
+
+
+def counts_by_chance(
+    measured: int, spacing: float, width: float, confidence: float, dimensions: int = 2
+) -> tuple[float, int]:
     """Expected number and 95 % limit of significant windows among ``measured`` ones on still ground.
 
     Windows are discs of ``width`` (m), ``spacing`` (m) apart. Discs that overlap share points, so that what exceeds
@@ -48,8 +60,8 @@ def counts_by_chance(measured: int, spacing: float, width: float, confidence: fl
     if not measured:
         return 0.0, 0
     expected = measured * (1.0 - confidence)
-    clump = variance_factor(width / spacing, confidence)
-    return expected, math.floor(clump * _most_by_chance(expected / clump))
+    clump = variance_factor(width / spacing, confidence, dimensions)
+    return expected, math.ceil(clump * _most_by_chance(expected / clump))
 
 
 def _most_by_chance(expected: float) -> int:
@@ -58,27 +70,26 @@ def _most_by_chance(expected: float) -> int:
     return most - 1 if most and pdtr(most - 1, expected) >= _SURE else most
 
 
-def variance_factor(width: float, confidence: float) -> float:
+def variance_factor(width: float, confidence: float, dimensions: int = 2) -> float:
     """Variance of the number of exceeding windows on a large map over that of independent ones.
 
     Args:
         width: of a window in units of the windows' distance.
+        dimensions: 2 for vectors along the surface, 1 for components.
     """
     share, reach = 1.0 - confidence, math.ceil(width)
     total = 1.0
     for column, row in product(range(-reach, reach + 1), repeat=2):
         common = common_share(math.hypot(column, row) / width) if (column, row) != (0, 0) else 0.0
         if common > 0:
-            total += (_both_exceed(common, confidence) - share**2) / (share * (1.0 - share))
+            total += (_both_exceed(common, confidence, dimensions) - share**2) / (share * (1.0 - share))
     return total
 
 
-def _both_exceed(correlation: float, confidence: float) -> float:
-    """Probability that the squared lengths of two plane vectors with normal, correlated errors exceed their level."""
-    level = threshold(confidence)
-    # the squared length of the first beyond its level is exponential with a mean of 2
+def _both_exceed(correlation: float, confidence: float, dimensions: int) -> float:
+    """Probability that the squared lengths of two vectors with normal, correlated errors exceed their level."""
     steps = (np.arange(_STEPS) + 0.5) / _STEPS
-    first = level - 2.0 * np.log1p(-steps)
+    level, first = (chdtri(dimensions, (1.0 - confidence) * share) for share in (1.0, steps))
     rest = 1.0 - correlation**2
-    second = 1.0 - chndtr(level / rest, 2, correlation**2 * first / rest)
+    second = 1.0 - chndtr(level / rest, dimensions, correlation**2 * first / rest)
     return (1.0 - confidence) * float(second.mean())

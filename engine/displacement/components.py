@@ -14,7 +14,7 @@ from .least_squares import Fit
 from .measure import MAX_RESIDUAL_RATIO, MAX_STANDARD_ERROR_M, Windows
 from .one_direction import Component, standard_errors
 from .status import Status
-from .vectors import Vectors
+from .vectors import Vectors, confidence_of_each
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class Components:
         turn: (k,) standard error of the direction in the plane of the surface, radians.
         seen: (k,) share of the window that both surveys see.
         width: (k,) of the window, metres.
+        widths: how many widths of windows were looked at in each place.
     """
 
     number: Index
@@ -55,15 +56,16 @@ class Components:
     turn: Float
     seen: Float
     width: Float
+    widths: int = 1
 
     def significant(self, confidence: float) -> Bool:
         """(k,) whether still ground shows such a component with a probability of at most 1 - ``confidence``."""
-        return np.asarray(self.amount > quantile(confidence) * self.error)
+        return np.asarray(self.p_value < 1 - confidence)
 
     @property
     def p_value(self) -> Float:
-        """(k,) probability that still ground shows such a component."""
-        return np.asarray(2 * ndtr(-self.amount / self.error))
+        """(k,) probability that still ground shows such a component in a window of any width."""
+        return np.minimum(self.widths * 2 * ndtr(-self.amount / self.error), 1.0)
 
 
 def held_one_way(fits: Sequence[Fit | Status | Component], windows: Windows) -> OneWay:
@@ -89,13 +91,17 @@ def held_one_way(fits: Sequence[Fit | Status | Component], windows: Windows) -> 
     )
 
 
-def on_the_map(sizes: Sequence[OneWay], vectors: Vectors, registered: Float, taken_off: Float) -> Components:
+def on_the_map(
+    sizes: Sequence[OneWay], vectors: Vectors, registered: Float, taken_off: Float, confidence: float
+) -> Components:
     """Of each window without a vector the component of the narrowest width that is significant, else of the widest.
 
     Args:
         registered: (n, 3, 3) error of the registration at all windows, m².
         taken_off: (3,) motion that was taken off the vectors, metres.
+        confidence: of all widths together.
     """
+    least = quantile(confidence_of_each(confidence, max(len(sizes), 1)))
     chosen: dict[int, tuple[Float, float, float, float, float, float]] = {}
     for size in reversed(sizes):
         axes = vectors.axes[size.number]
@@ -105,7 +111,7 @@ def on_the_map(sizes: Sequence[OneWay], vectors: Vectors, registered: Float, tak
         direction, amount = direction * sign[:, None], amount * sign
         shift = np.einsum("ki,kij,kj->k", direction, registered[size.number], direction)
         error = np.sqrt(size.error**2 + shift)
-        sure = amount > quantile(0.99) * error
+        sure = amount > least * error
         for k, number in enumerate(size.number.tolist()):
             if vectors.status[number] == Status.MEASURED or (number in chosen and not sure[k]):
                 continue
@@ -117,4 +123,5 @@ def on_the_map(sizes: Sequence[OneWay], vectors: Vectors, registered: Float, tak
         np.array(numbers, dtype=np.int64),
         np.array([row[0] for row in rows]).reshape(-1, 3),
         *(np.array([row[k] for row in rows], dtype=np.float64) for k in (1, 2, 3, 4, 5)),
+        widths=len(sizes),
     )

@@ -139,7 +139,7 @@ def measure_displacement(
     by_width = tuple(with_error(v, error, taken_off) for v in own)
     each = confidence_of_each(parameters.vector_confidence, len(by_width))
     vectors = joined(by_width, each)
-    components = on_the_map(one_way, vectors, error, taken_off)
+    components = on_the_map(one_way, vectors, error, taken_off, parameters.vector_confidence)
     dense = points >= MIN_POINTS_PER_M2
     significant = vectors.significant(each) & dense
     independent = float(np.count_nonzero(own[0].measured | own[-1].measured) * overlap[0])

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import contains_xy
+from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import DistanceParameters, given
-from ..core.arrays import Float, Index
+from ..core.arrays import Bool, Float, Index
 from ..core.errors import InputError
 from ..core.progress import Progress
 from .distances import Cylinder, cylinder_statistics
@@ -58,17 +60,30 @@ Cloud = Survey | Float
 
 
 def choose_scales(
-    reference: Cloud, moving: Cloud, parameters: DistanceParameters, progress: Progress | None = None
+    reference: Cloud,
+    moving: Cloud,
+    parameters: DistanceParameters,
+    progress: Progress | None = None,
+    area: BaseGeometry | None = None,
 ) -> Scales:
     """Scales for two clouds; what ``parameters`` gives (not 0) is taken as given.
+
+    Args:
+        area: polygons of the reference on which they are chosen; None: all of it.
 
     Raises:
         InputError: too few points to choose scales.
     """
     progress = progress or Progress()
     reference, moving = _survey(reference), _survey(moving)
-    places = _sample(reference, overlap_bounds(reference, moving))
+    bounds = overlap_bounds(reference, moving, area)
+    places = _sample(reference, bounds, area)
     if len(places) < 10 or len(moving) < 10:
+        if area is not None:
+            raise InputError(
+                "Fewer than 10 points lie where the region and both clouds overlap, too few to choose scales; check "
+                "the region of --roi."
+            )
         raise InputError(
             "Fewer than 10 points lie where the two clouds overlap, too few to choose scales; check that both are of "
             "the same slope and in the same reference system."
@@ -80,7 +95,7 @@ def choose_scales(
     normal_scale, fits, warnings = _normal_scale(reference, places, first, given(parameters.normal_scale))
     roughness = float(np.median(fits.roughness[fits.found])) if fits.found.any() else math.nan
     progress.update(0.4, "choosing the cylinder")
-    separation = _separation(reference, moving)
+    separation = _separation(_overlapping(reference, bounds, area), moving)
     directed = fits.normal if fits.found.any() else np.tile([0.0, 0.0, 1.0], (len(places), 1))
     reach = max(2 * separation, 10 * (roughness if math.isfinite(roughness) else 0.0))
     density = _density(reference, moving, places, directed, normal_scale / 2, given(parameters.half_length) or reach)
@@ -100,8 +115,10 @@ def choose_scales(
     )
 
 
-def overlap_bounds(reference: Cloud, moving: Cloud) -> tuple[float, float, float, float]:
-    """West, south, east, north of the area that both clouds' extents share.
+def overlap_bounds(
+    reference: Cloud, moving: Cloud, area: BaseGeometry | None = None
+) -> tuple[float, float, float, float]:
+    """West, south, east, north of the area that both clouds' extents share, as far as that of ``area`` goes.
 
     Raises:
         InputError: they share none; both extents are named.
@@ -114,6 +131,9 @@ def overlap_bounds(reference: Cloud, moving: Cloud) -> tuple[float, float, float
             f"survey x {w2:.1f} to {e2:.1f}, y {s2:.1f} to {n2:.1f}; check that both are of the same slope and in the "
             "same reference system."
         )
+    if area is not None:
+        w, s, e, n = area.bounds
+        west, south, east, north = max(west, w), max(south, s), min(east, e), min(north, n)
     return float(west), float(south), float(east), float(north)
 
 
@@ -148,8 +168,13 @@ def _cubes(xyz: Float, spacing: float) -> Index:
     return np.floor(xyz / spacing + 1e-6).astype(np.int64)
 
 
-def survey_cores(reference: Survey, spacing: float, bounds: tuple[float, float, float, float]) -> tuple[Float, Index]:
-    """The core points (m, 3) of ``spread_cores`` and their numbers (m,) in the cloud, in its order."""
+def survey_cores(
+    reference: Survey, spacing: float, bounds: tuple[float, float, float, float], area: BaseGeometry | None = None
+) -> tuple[Float, Index]:
+    """The core points (m, 3) of ``spread_cores`` and their numbers (m,) in the cloud, in its order.
+
+    Of those without an ``area`` it keeps the ones inside.
+    """
     found = [(np.zeros((0, 3)), np.zeros(0, dtype=np.int64))]
     reach = 0.51 * spacing  # around the middle of a cube
     root = Box(*bounds[:2], *(float(np.nextafter(end, np.inf)) for end in bounds[2:])).grown(spacing)
@@ -162,7 +187,13 @@ def survey_cores(reference: Survey, spacing: float, bounds: tuple[float, float, 
         found.append((near.xyz[own], near.number[own]))
     xyz, number = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
     order = np.argsort(number)
+    order = order[inside(area, xyz[order])]
     return xyz[order], number[order]
+
+
+def inside(area: BaseGeometry | None, xyz: Float) -> Bool:
+    """Which points (n, 3) lie in polygons, seen from above; None: all."""
+    return np.ones(len(xyz), dtype=bool) if area is None else np.asarray(contains_xy(area, *xyz[:, :2].T))
 
 
 def survey_planes(survey: Survey, places: Float, diameter: float, *, share: float = 1.0) -> Fits:
@@ -195,11 +226,11 @@ def _survey(cloud: Cloud) -> Survey:
     return HeldSurvey(cloud) if isinstance(cloud, np.ndarray) else cloud
 
 
-def _sample(reference: Survey, bounds: tuple[float, float, float, float]) -> Float:
+def _sample(reference: Survey, bounds: tuple[float, float, float, float], area: BaseGeometry | None) -> Float:
     """Places spread evenly over the reference's surface in the overlap, always the same."""
     west, south, east, north = bounds
     side = math.sqrt(max((east - west) * (north - south), 1e-12) / (2 * _MAX_PLACES))
-    places = survey_cores(reference, side, bounds)[0]
+    places = survey_cores(reference, side, bounds, area)[0]
     if len(places) > _MAX_PLACES:
         places = places[np.sort(np.random.default_rng(0).choice(len(places), _MAX_PLACES, replace=False))]
     return places
@@ -242,23 +273,23 @@ def _normal_scale(
     return scale, fits, (warning,)
 
 
-def _separation(reference: Survey, moving: Survey) -> float:
-    """How far the reference's points are from the moving cloud where that lies above or below them, metres."""
-    some = _overlapping(reference, overlap_bounds(reference, moving))
+def _separation(some: Float, moving: Survey) -> float:
+    """How far points (n, 3) of the reference are from the moving cloud where that lies above or below them, metres."""
     horizontal = nearest_distances(moving, some[:, :2])
     covered = horizontal <= 3 * np.median(horizontal)
     apart = np.sort(nearest_distances(moving, some[covered]))
     return float(apart[-min(_MIN_AGREEING_POINTS, 1 + len(apart) // 1000)])
 
 
-def _overlapping(reference: Survey, bounds: tuple[float, float, float, float]) -> Float:
-    """Every k-th of the points within bounds, (n, 3), of a large cloud."""
+def _overlapping(reference: Survey, bounds: tuple[float, float, float, float], area: BaseGeometry | None) -> Float:
+    """Every k-th of the points within bounds and area, (n, 3), of a large cloud."""
     west, south, east, north = bounds
 
     def within() -> Iterator[Float]:
         for xyz in reference.parts():
             x, y = xyz[:, 0], xyz[:, 1]
-            yield xyz[(x >= west) & (x <= east) & (y >= south) & (y <= north)]
+            xyz = xyz[(x >= west) & (x <= east) & (y >= south) & (y <= north)]
+            yield xyz[inside(area, xyz)]
 
     step, done, found = max(1, sum(len(xyz) for xyz in within()) // _MAX_DISTANCE_POINTS), 0, []
     for xyz in within():

@@ -58,6 +58,12 @@ def explain(
             f"The surface does not fix the epochs' relative position against {listed}: {there}, and a movement of that "
             "kind cannot be seen."
         )
+    if found.strain is not None:
+        sentences.append(
+            f"In plan the later survey is stretched by {-found.strain.largest:+.2%} against the earlier one (negative: "
+            "shortened). One motion cannot remove that, so the errors cover it; check that both surveys use the same "
+            "projection, units and scale."
+        )
     sentences.append(_about_bending(found.solution))
     if not found.solution.converged:
         sentences.append(

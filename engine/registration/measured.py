@@ -21,6 +21,7 @@ from .patch_registration import OnPatches
 from .point_to_plane import Matcher
 from .quality import MIN_STABLE_SHARE, Agreement, agreement, widened
 from .rival_parts import Standing
+from .strain import Strain
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class Measured:
 
     ``by_plants`` (m) is the part of it that plants make. ``ground`` is known where the clouds record plants; ``bare``
     says that its bare part alone was registered, above which the later survey's covered ground lies by ``offset`` (m).
+    ``strain`` is known if the surveys differ by more than one motion.
     """
 
     solution: Solution
@@ -77,6 +79,7 @@ class Measured:
     bare: bool = False
     offset: float | None = None
     judged: Standing | None = None
+    strain: Strain | None = None
 
 
 def measured(
@@ -117,6 +120,18 @@ def measured(
     if patches is None:
         error = widened(error, quality, parameters.minimum_stable_share)
     return Measured(solution, quality, error, by_plants)
+
+
+def covering(found: Measured, covariance: Float) -> Measured:
+    """``found`` with another ``covariance`` (6, 6) of its motion added to its errors, square metres."""
+    solution, quality = found.solution, found.quality
+    assert solution.information is not None
+    # of the stable ground; of the mean where there is none
+    places = quality.places if len(quality.places) else quality.sample
+    normals = quality.normals if len(quality.places) else np.broadcast_to(quality.mean_normal, places.shape)
+    information = replace(solution.information, covariance=solution.information.covariance + covariance)
+    error = float(np.hypot(found.error, height_sd(covariance, places, normals, solution.radius)))
+    return replace(found, solution=replace(solution, information=information), error=error)
 
 
 def _error(

@@ -11,14 +11,14 @@ from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
 from .alignment import Alignment
-from .measured import Measured, measured, of_alignment
-from .observability import height_sd
+from .block_errors import with_block_errors
+from .measured import Measured, covering, measured, of_alignment
 from .patch_agreement import PatchAgreement, patch_agreement
 from .patch_registration import OnPatches, align_on_patches
 from .point_to_plane import Matcher
-from .quality import STABLE_SCALES, Agreement
+from .quality import STABLE_SCALES
 from .rival_parts import Standing, difference, refusal
-from .surface_patches import cut
+from .surface_patches import Patches, cut
 
 _MIN_AGREEING_SHARE = 0.95  # of the patches, with which nothing of note moved: still surveys have 0.99
 _MIN_JUDGED_SHARE = 0.1  # of the patches, below which single points say more: rough or sparse ground
@@ -36,15 +36,27 @@ def on_what_stayed(
     parameters: RegistrationParameters,
     progress: Progress,
 ) -> Measured:
-    """``found``, or where much has moved the registration on the part that has not.
+    """``found``, or where much has moved the registration on the part that has not; with errors by blocks.
 
     Raises:
         InputError: hardly anything agrees and no part is clearly the one that stayed, unless that was accepted.
     """
     if found.bare and found.ground is not None:
         matcher = found.ground.bare
-    alignment = found.solution.alignment or alignment
     patches = cut(matcher.moving, 3 * matcher.noise, matcher.firm)
+    chosen = _chosen(found, found.solution.alignment or alignment, matcher, patches, parameters, progress)
+    return with_block_errors(chosen, matcher, patches)
+
+
+def _chosen(
+    found: Measured,
+    alignment: Alignment,
+    matcher: Matcher,
+    patches: Patches,
+    parameters: RegistrationParameters,
+    progress: Progress,
+) -> Measured:
+    """``found``, or the registration on the part that stayed."""
     seen = patch_agreement(matcher, patches, alignment.pose)
     if not found.solution.left and _agrees(found, seen):
         return found
@@ -55,13 +67,13 @@ def on_what_stayed(
     if judged.contested and _within_scatter(found, judged):
         bend = found.solution.bend
         # the error of a bent survey covers what one motion leaves
-        return found if bend is not None and bend.worth else _covering(found, _farthest(alignment, judged))
+        return found if bend is not None and bend.worth else covering(found, _square(_farthest(alignment, judged)))
     if judged.contested and not parameters.accept_unstable:
         raise InputError(refusal(judged))
     _require_expected(judged, parameters)
     narrow = measured(of_alignment(on_patches.alignment), matcher, parameters, False, progress, patches=on_patches)
     if judged.contested:
-        narrow = _covering(narrow, difference(judged, narrow.solution.radius))
+        narrow = covering(narrow, _square(difference(judged, narrow.solution.radius)))
     elif not found.solution.left:
         kept = _kept(found, alignment, seen, on_patches)
         if kept is not None:
@@ -137,22 +149,9 @@ def _kept(found: Measured, alignment: Alignment, seen: PatchAgreement, on_patche
     if float(away @ np.linalg.solve(first.covariance + second.covariance, away)) < _SIGNIFICANT:
         return found if np.trace(first.covariance) <= np.trace(second.covariance) else None
     contradicted = part.share >= _MIN_CONTRADICTING_SHARE and still < _MIN_STILL_SHARE
-    return _covering(found, away) if seen.share >= _MIN_SHARE_OF_ALL_GROUND and not contradicted else None
+    return covering(found, _square(away)) if seen.share >= _MIN_SHARE_OF_ALL_GROUND and not contradicted else None
 
 
-def _covering(found: Measured, away: Float) -> Measured:
-    """``found`` with errors that cover a motion ``away`` (6,) from it, which may be the right one."""
-    solution = found.solution
-    assert solution.information is not None
-    covariance = solution.information.covariance + np.outer(away, away)
-    error = float(np.hypot(found.error, height_sd(np.outer(away, away), *_upward(found.quality), solution.radius)))
-    return replace(
-        found, solution=replace(solution, information=replace(solution.information, covariance=covariance)), error=error
-    )
-
-
-def _upward(quality: Agreement) -> tuple[Float, Float]:
-    """Places and normals (n, 3) of the stable ground; of the mean where there is none."""
-    if len(quality.places):
-        return quality.places, quality.normals
-    return quality.sample, np.broadcast_to(quality.mean_normal, quality.sample.shape)
+def _square(away: Float) -> Float:
+    """(6, 6) covariance that covers a motion ``away`` (6,), which may be the right one."""
+    return np.outer(away, away)

@@ -1,8 +1,4 @@
-"""What a part of patches fixes of its motion, how sure that is, and which of its places contradict the others.
-
-Patches that stand near to one another err together: they moved together, or lie on one bend of a survey. Errors are
-therefore taken from leaving out whole neighbourhoods.
-"""
+"""What a part of patches fixes of its motion, how sure that is, and which of its places contradict the others."""
 
 from __future__ import annotations
 
@@ -15,11 +11,12 @@ from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float
 from ..geometry.voxels import block_numbers
+from .block_jackknife import block_jackknife
 from .observability import MIN_CURVATURE_RATIO, MIN_STANDARD_ERRORS, Information, unknown_motion
 from .surface_patches import Equations, Patches
 
 CORRELATED = 3.0  # pairs share points of their planes: so many count as one
-_LEFT_OUT_BLOCK_WIDTHS = 4.0  # widths of the blocks of patches that are left out together
+LEFT_OUT_BLOCK_WIDTHS = 4.0  # widths of the blocks of patches that are left out together
 _PLACE_RADIUS_WIDTHS = 2.5  # widths about a patch that are compared with all else
 # times the median contradiction of places: 0.1 % by chance, with the four motions that a place constrains
 _MAX_CONTRADICTION_RATIO = 6.0
@@ -36,8 +33,7 @@ def part_information(
 ) -> Information:
     """What a part fixes: a direction is observable where the relief stands out from the noise of the normals.
 
-    The covariance is that of leaving out one block of patches after the other (Efron and Stein 1981,
-    doi:10.1214/aos/1176345462), so that what a single place fixes is not sure.
+    The covariance is that of ``block_jackknife``, so that what a single place fixes is not sure.
 
     Args:
         weight: (k,) of the patches, by area and by their noise.
@@ -56,16 +52,11 @@ def part_information(
     fixed = directions[:, observable]
     covariance = np.zeros((6, 6))
     if fixed.shape[1] and len(some) > 1:
-        part = fixed.T @ whole @ fixed
-        block = block_numbers(patches.centre[some], _LEFT_OUT_BLOCK_WIDTHS * patches.width)
+        block = block_numbers(patches.centre[some], LEFT_OUT_BLOCK_WIDTHS * patches.width)
         if block.max() == 0:
             block = np.arange(len(some))
-        sums = csr_array((np.ones(len(some)), (block, np.arange(len(some)))))
-        without = part - fixed.T @ (sums @ matrices.reshape(-1, 36)).reshape(-1, 6, 6) @ fixed
-        left = (sums @ (vectors + matrices @ motion)) @ fixed
-        without += 1e-3 * np.diag(np.diag(part))  # a direction that one place alone fixes
-        steps = np.linalg.solve(without, left[:, :, None])[:, :, 0]
-        spread = steps.T @ steps
+        own = np.einsum("ia,kij,jb->kab", fixed, matrices, fixed), (vectors + matrices @ motion) @ fixed
+        spread, _ = block_jackknife(*own, np.zeros(fixed.shape[1]), block)
         sure = np.sqrt(np.diag(spread)) <= spacing / 2
         observable[np.flatnonzero(observable)[~sure]] = False
         spread[~sure] = spread[:, ~sure] = 0.0

@@ -19,7 +19,7 @@ MIN_ERROR_M = 5e-4
 """Metres; no two surveys of a surface agree better."""
 _MIN_PAIRS = 12
 _MAX_STANDARD_ERRORS = 2.5
-_REACH_SPACINGS = 3.0
+REACH_SPACINGS = 3.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class PatchAgreement:
 
 
 def patch_agreement(matcher: Matcher, patches: Patches, pose: Pose) -> PatchAgreement:
-    system = equations(matcher, patches, pose, _REACH_SPACINGS * matcher.spacing, FINAL_POINTS)
+    system = equations(matcher, patches, pose, REACH_SPACINGS * matcher.spacing, FINAL_POINTS)
     level, compared = levels(system, matcher.noise, 1.0)
     agrees = compared & (system.excess(np.zeros((1, 6)))[:, 0] < level)
     return PatchAgreement(patches.area, agrees, compared, left_behind(matcher, patches, pose, system))
@@ -68,10 +68,10 @@ def left_behind(matcher: Matcher, patches: Patches, pose: Pose, system: Equation
         return left
     known = matcher.reference.points if matcher.stable is None else matcher.reference.points[matcher.stable]
     plan, places = cKDTree(known[:, :2]), pose.apply(patches.centre[away])
-    left[away] = plan.query(places[:, :2])[0] < _REACH_SPACINGS * matcher.spacing
+    left[away] = plan.query(places[:, :2])[0] < REACH_SPACINGS * matcher.spacing
     # a neighbour that is near, but faces another way or is no plane, says nothing
     distance = matcher.reference.tree.query(places)[0]
-    left[away] &= distance > _REACH_SPACINGS * matcher.spacing
+    left[away] &= distance > REACH_SPACINGS * matcher.spacing
     return left
 
 

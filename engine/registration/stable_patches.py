@@ -256,7 +256,7 @@ class _Task:
         areas = _areas(system, patches, usable, level, trials)
         found: list[_Found] = []
         for number in np.argsort(-areas, kind="stable")[: np.count_nonzero(areas)]:
-            inside = _weights(patches, usable, system.excess(trials[number : number + 1]), level)[:, 0] > 0
+            inside = agreement_weights(patches, usable, system.excess(trials[number : number + 1]), level)[:, 0] > 0
             if any(patches.area[inside & f.agrees].sum() > 0.5 * patches.area[inside].sum() for f in found):
                 continue
             found.append(_improved(system, patches, usable, level, trials[number], offset))
@@ -295,7 +295,7 @@ def _prior(offset: float) -> Float:
     return np.diag(1.0 / sd**2)
 
 
-def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Float:
+def agreement_weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Float:
     """(k, m) weights of the patches, from 1 where one agrees well, by its ``excess`` (k, m), to 0 at its ``level``.
 
     A piece that turned agrees along a line, a piece that slid in places: their neighbours show it.
@@ -315,7 +315,7 @@ def _areas(system: Equations, patches: Patches, usable: Bool, level: Float, moti
         excess = system.excess(motions[start : start + 500])
         found[start : start + 500] = area @ np.maximum(1.0 - excess / level[:, None], 0.0)
     some = np.argsort(-found, kind="stable")[:_MAX_JUDGED_TRIALS]
-    looked_at = area @ _weights(patches, usable, system.excess(motions[some]), level)
+    looked_at = area @ agreement_weights(patches, usable, system.excess(motions[some]), level)
     found[:] = 0.0
     found[some] = looked_at
     return found
@@ -326,7 +326,7 @@ def _improved(system: Equations, patches: Patches, usable: Bool, level: Float, m
     best = motion, np.zeros(len(patches)), -1.0
     mean = float(patches.area[usable].mean()) if usable.any() else 1.0
     for _ in range(_MAX_IMPROVEMENTS):
-        weight = _weights(patches, usable, system.excess(motion[None]), level)[:, 0]
+        weight = agreement_weights(patches, usable, system.excess(motion[None]), level)[:, 0]
         area = float(patches.area @ weight)
         if area <= best[2]:
             break

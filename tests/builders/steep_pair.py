@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import geopandas as gpd
 import laspy
 import numpy as np
 import pytest
+import shapely
 from pyproj import CRS
 from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import DistanceParameters, InputParameters
@@ -47,6 +49,12 @@ def write(path: Path, xyz, *, crs=32651, **dimensions) -> Path:
     return path
 
 
+def region(path: Path, polygon: shapely.Polygon, crs: str = "EPSG:32651") -> Path:
+    """A file with one polygon of EPSG:32651, kept in ``crs``."""
+    gpd.GeoDataFrame(geometry=[polygon], crs="EPSG:32651").to_crs(crs).to_file(path)
+    return path
+
+
 @pytest.fixture(scope="session")
 def pair(tmp_path_factory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("pair")
@@ -57,6 +65,6 @@ def pair(tmp_path_factory) -> tuple[Path, Path]:
 
 
 def run(first, second, output, *, progress=None, crs="", height_unit="auto", **given):
-    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "stable")}
+    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "roi", "stable")}
     settings = DistanceSettings(InputParameters(crs=crs, height_unit=height_unit), DistanceParameters(**given))
     return m3c2_step(first, second, output, settings, dates=(None, None), progress=progress or Progress(), **options)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from typing import ClassVar
 
 import geopandas as gpd
 import laspy
@@ -11,9 +13,11 @@ import numpy as np
 import pytest
 import rasterio
 import shapely
+from PIL import Image
 from pyproj import CRS
 from slopewatch.engine.core.progress import Progress
-from slopewatch.tests.builders.steep_pair import BULGE, DIP, NORMAL, run, steep, write
+from slopewatch.engine.report.compose import check_report
+from slopewatch.tests.builders.steep_pair import BULGE, DIP, NORMAL, region, run, steep, write
 
 
 @pytest.fixture(scope="module")
@@ -231,12 +235,88 @@ def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
     assert outputs["m3c2_distance"] == tmp_path / "maps" / "m3c2_distance.tif"
     assert {p.name for p in (tmp_path / "maps").iterdir()} == {
         f"m3c2_{name}.{end}" for name in ("distance", "level_of_detection", "significant") for end in ("tif", "qml")
-    } | {"m3c2_zones.gpkg", "m3c2_volumes.csv"}
+    } | {"m3c2_zones.gpkg", "m3c2_volumes.csv", "m3c2_face.png"}
     record = json.loads((tmp_path / "out_run.json").read_text())
     assert record["transform"] == matrix.tolist()
     with rasterio.open(outputs["m3c2_distance"]) as source:
         assert float(source.tags()["COREG_DX"]) == pytest.approx(-0.4)
     assert run(*pair, tmp_path / "e.laz", registration_error=0.05, **given).figures["registration_error_m"] == 0.05
+
+
+def test_the_picture_of_the_face_shows_the_raised_third_from_the_side_of_the_normal(outcome):
+    """The face dips to the south; seen from there, the raised west is on the left."""
+    with Image.open(outcome[0]["m3c2_face"]) as picture:
+        red, _, blue = np.asarray(picture.convert("RGB")).astype(int)[250:-250].transpose(2, 0, 1)
+    bluish = (blue - red > 40).mean(axis=0)
+    columns = np.flatnonzero(bluish > 0.3)
+    assert len(columns) > 100
+    assert columns.max() < 0.45 * bluish.size
+
+
+def test_the_report_lies_next_to_the_record_and_states_its_figures(outcome):
+    outputs, metrics, _ = outcome
+    report = outputs["report"]
+    assert report == outputs["run"].with_name("points_report.html")
+    check_report(report)
+    page = report.read_text(encoding="utf-8")
+    assert page.count("data:image/") == 2
+    found = dict(re.findall(r'<data value="([^"]+)" data-from="/metrics/(vol_gain_m3)"', page))
+    assert [float(value) for value in found] == [metrics["vol_gain_m3"]]
+    record = json.loads(outputs["run"].read_text())
+    assert record["face"]["dip_deg"] == pytest.approx(np.degrees(DIP), abs=0.5)
+    assert record["face"]["azimuth_deg"] == pytest.approx(180.0, abs=0.5)
+    assert "Every figure stands in points_run.json" in page
+
+
+class TestRegion:
+    SCALES: ClassVar = {"projection_scale": 0.7, "normal_scale": 0.6, "half_length": 0.8, "core_spacing": 0.5}
+
+    def test_core_points_inside_are_as_without_it_up_to_its_edge(self, pair, tmp_path):
+        """A triangle through the raised part, in another reference system; so no cylinder is cut at its edge."""
+        corners = [(5e5 + 1, 3.5e6 + 1), (5e5 + 8, 3.5e6 + 1), (5e5 + 1, 3.5e6 + 7)]
+        area = shapely.Polygon(corners)
+        whole = laspy.read(run(*pair, tmp_path / "whole.laz", calibrate=False, **self.SCALES).outputs["points"])
+        given = region(tmp_path / "slope.gpkg", area, "EPSG:4326")
+        done = run(*pair, tmp_path / "inside.laz", calibrate=False, roi=given, **self.SCALES)
+        points = laspy.read(done.outputs["points"])
+        within = shapely.contains_xy(area.buffer(1e-4), np.asarray(whole.x), np.asarray(whole.y))
+        assert 50 < done.figures["core_points"] == within.sum() < 0.5 * len(within)
+        for name in ("x", "y", "z", "m3c2_distance", "m3c2_count1", "m3c2_count2"):
+            assert np.array_equal(np.asarray(points[name]), np.asarray(whole[name])[within], equal_nan=True), name
+        zones = gpd.read_file(done.outputs["m3c2_zones"], layer="zones")
+        assert len(zones) == 1
+        raised = area.intersection(shapely.box(5e5, 3.5e6, 5e5 + 4, 3.5e6 + 99)).area / np.cos(DIP)
+        assert zones["area_m2"].sum() == pytest.approx(raised, rel=0.15)
+        record = json.loads(done.outputs["run"].read_text())
+        assert "roi" in [entry["role"] for entry in record["inputs"]]
+
+    def test_scales_are_those_of_the_region(self, tmp_path):
+        """East of the region the points are four times as dense and the surfaces three times as far apart."""
+        clouds = []
+        for seed, raised in ((1, 0.0), (2, 0.2)):
+            sparse, dense = steep(4000, seed), steep(16_000, seed + 9)
+            west, east = sparse[sparse[:, 0] < 5e5 + 6], dense[dense[:, 0] >= 5e5 + 6]
+            west, east = west + raised * NORMAL, east + 3 * raised * NORMAL
+            clouds.append((west, np.concatenate([west, east])))
+        alone = [write(tmp_path / f"alone{k}.laz", cloud[0]) for k, cloud in enumerate(clouds)]
+        both = [write(tmp_path / f"both{k}.laz", cloud[1]) for k, cloud in enumerate(clouds)]
+        area = region(tmp_path / "slope.gpkg", shapely.box(5e5 - 1, 3.5e6 - 1, 5e5 + 5.9, 3.5e6 + 20))
+        scales = ("half_length_m", "projection_scale_m", "normal_scale_m")
+        found = run(*both, tmp_path / "b.laz", roi=area).figures
+        expected = run(*alone, tmp_path / "a.laz").figures
+        assert [found[s] for s in scales] == pytest.approx([expected[s] for s in scales], rel=0.15)
+        assert run(*both, tmp_path / "c.laz").figures["half_length_m"] > 1.5 * found["half_length_m"]
+
+    def test_given_core_points_outside_are_left_out(self, pair, tmp_path):
+        places = steep(400, 8)
+        east = places[:, 0] > 5e5 + 6
+        normals = {f"Normal{a}": np.full(400, NORMAL[k]) for k, a in enumerate("XYZ")}
+        core = write(tmp_path / "core.laz", places, **normals)
+        area = region(tmp_path / "slope.gpkg", shapely.box(5e5 + 6, 3.5e6 - 1, 5e5 + 20, 3.5e6 + 20))
+        given = {"core": core, "normals": "given", "projection_scale": 0.8, "half_length": 1.0, "distance_cell": 1.0}
+        done = run(*pair, tmp_path / "p.laz", roi=area, **given)
+        assert done.figures["core_points"] == pytest.approx(east.sum(), abs=1)
+        assert done.figures["distance_median_m"] == pytest.approx(0.0, abs=0.01)
 
 
 def test_vertical_distances_are_differences_of_height(pair, tmp_path):

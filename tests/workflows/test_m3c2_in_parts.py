@@ -42,7 +42,7 @@ def on_disk(monkeypatch):
 
 
 def m3c2(first: Path, second: Path, output: Path, *, ground: str = "auto", progress=None, **given):
-    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "stable")}
+    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "roi", "stable")}
     settings = DistanceSettings(InputParameters(), DistanceParameters(**given), surface=SurfaceParameters(ground))
     progress = progress or Progress()
     return m3c2_step(first, second, output, settings, dates=(None, None), progress=progress, **options)

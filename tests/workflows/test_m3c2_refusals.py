@@ -6,9 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
+import shapely
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
-from slopewatch.tests.builders.steep_pair import run, steep, write
+from slopewatch.tests.builders.steep_pair import region, run, steep, write
 from slopewatch.workflows.m3c2 import parse_direction
 
 
@@ -51,6 +52,16 @@ class TestRefusals:
         self.refused(tmp_path, *pair, match="needs --core", normals="given")
         core = write(tmp_path / "core.laz", steep(100, 3))
         self.refused(tmp_path, *pair, match="core.laz' has no dimension NormalX", normals="given", core=core)
+
+    def test_a_region_without_the_slope_or_without_core_points(self, pair, tmp_path):
+        far = region(tmp_path / "far.gpkg", shapely.box(5e5 + 90, 3.5e6, 5e5 + 99, 3.5e6 + 9))
+        sentence = self.refused(tmp_path, *pair, match="lies outside of the cloud", roi=far)
+        assert "far.gpkg" in sentence
+        near = region(tmp_path / "near.gpkg", shapely.box(5e5 + 6, 3.5e6, 5e5 + 9, 3.5e6 + 9))
+        core = write(tmp_path / "core.laz", steep(100, 3) * [0, 0, 0] + [5e5 + 1, 3.5e6 + 1, 50])
+        self.refused(tmp_path, *pair, match="core.laz' has no core point inside", roi=near, core=core)
+        sliver = region(tmp_path / "sliver.gpkg", shapely.box(5e5 + 6, 3.5e6 + 1, 5e5 + 6.001, 3.5e6 + 1.001))
+        self.refused(tmp_path, *pair, match="Fewer than 10 points lie where the region", roi=sliver)
 
     @pytest.mark.parametrize("text", ["up", "0,0,0", "0,1", "1,2,nan", ""])
     def test_a_direction_that_is_none(self, pair, tmp_path, text):

@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from ...engine.core.arrays import Bool, Float, Index
 from ...engine.core.staged_outputs import Stage
-from ...engine.displacement.chance import beyond_chance, chance_vectors
+from ...engine.displacement.chance import beyond_chance, chance_vectors, components_beyond_chance
 from ...engine.displacement.displacement import Displacement
 from ...engine.displacement.status import REASONS, Status
 from ...engine.displacement.vectors import Vectors
@@ -168,8 +168,8 @@ def vectors_layer(found: Displacement, use: Bool, crs: CRS) -> gpd.GeoDataFrame:
 
 
 def one_direction_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
-    """The significant components of motion where relief holds one direction only, as points, one row each."""
-    use = found.significant_components
+    """The components of motion where relief holds one direction only, as points, one row each, beyond chance."""
+    use = components_beyond_chance(found)
     parts = found.components
     vector = parts.direction[use] * parts.amount[use, None]
     columns = directions(vector, np.zeros((int(use.sum()), 3, 3)))
@@ -237,7 +237,7 @@ def main_figures(found: Displacement) -> dict[str, Any]:
         "significant_vectors": int(found.significant.sum()),
         "chance_vectors": expected,
         "chance_vectors_most": most,
-        "one_direction_vectors": int(found.significant_components.sum()),
+        "one_direction_vectors": int(components_beyond_chance(found).sum()),
         "moving_zone_count": len(found.zones),
         "moving_area_m2": float(sum(zone.area for zone in found.zones)),
         "fastest_zone_m": None if fastest is None else float(np.linalg.norm(fastest.motion)),
