@@ -77,7 +77,12 @@ class M3C2Distances(SlopeWatchAlgorithm):
         "PROJECTION_SCALE_USED": ("projection_scale_m", "Projection scale used (m)"),
         "HALF_LENGTH_USED": ("half_length_m", "Half length of the cylinder used (m)"),
     }
-    FILES: ClassVar = {"RUN_RECORD": ("run", "Run record")}
+    PAGES: ClassVar = {"REPORT": ("report", "Report")}
+    FILES: ClassVar = {
+        "VOLUMES": ("m3c2_volumes", "Table of areas and volumes"),
+        "FACE_PICTURE": ("m3c2_face", "Picture of the face"),
+        "RUN_RECORD": ("run", "Run record"),
+    }
 
     def inputs(self) -> None:
         self.add(

@@ -36,7 +36,7 @@ from .m3c2_clouds import Clouds, Cores, choose_cores, read_clouds, refuse_memory
 from .pair import SPOOL, dated_pair, stable_area
 from .products.change import Context
 from .products.m3c2 import MAPS, dimensions, main_figures, write_maps
-from .run import Run, record_name_of
+from .run import Run, record_name_of, report_name_of
 from .settings import DistanceSettings, groups
 from .topview import region_of
 
@@ -93,7 +93,8 @@ def m3c2_step(
     layers = [("core", core), ("transform", transform_path), ("roi", roi), ("stable", stable)]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *layers]
     run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones"), inputs, progress)
-    run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in MAPS)])
+    own = [output, *(folder / name for name in (record_name, report_name_of(record_name)))]
+    run.refuse_outputs([*own, *(raster_dir / name for name in MAPS)])
     _check_given(parameters, core, stable, progress)
     check_pair(*epochs)
     region = region_of(roi, reference, settings.inputs, progress)
@@ -104,7 +105,7 @@ def m3c2_step(
         run.facts["transform"] = registered.transform.matrix
     error = _registration_error(parameters, registered, progress)
     with (
-        run.writing(folder, record_name=record_name, others=[raster_dir]) as stage,
+        run.writing(folder, record_name=record_name, others=[raster_dir], report=True, pictures=raster_dir) as stage,
         cancellation.temporary(stage.folder / SPOOL) as spool,
     ):
         clouds = read_clouds(run, spool, (reference, moving), settings, registered.to_apply, region)
@@ -124,6 +125,7 @@ def m3c2_step(
             context = Context(*epochs, clouds.crs, registered.transform, hashes, _METHOD, run.run_id(hashes))
             run.figures = _figures(found, scales, parameters)
             write_maps(run, found, cell, context, settings.zones, raster_dir)
+        run.facts |= {"run_id": context.run_id, "registration": dict(registered.facts)}
     return run.result()
 
 

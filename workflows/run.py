@@ -188,14 +188,21 @@ class Run:
 
     @contextlib.contextmanager
     def writing(
-        self, folder: Path, *, record_name: str = "run.json", others: Iterable[Path] = (), report: bool = False
+        self,
+        folder: Path,
+        *,
+        record_name: str = "run.json",
+        others: Iterable[Path] = (),
+        report: bool = False,
+        pictures: Path | None = None,
     ) -> Iterator[Stage]:
         """Gather the outputs; if the block ends well, write the record and give all of them their names, else none.
 
         Args:
             folder: of the record, which gets its name last.
             others: more folders that outputs go to, see ``stage_in``.
-            report: also draw the report of ``folder``.
+            report: also draw the report of ``folder``, next to the record and named as that is.
+            pictures: of ``others``, the folder of the other outputs that the report shows.
 
         Raises:
             InputError: a folder cannot be made or written.
@@ -206,7 +213,7 @@ class Run:
                 # another run may have ended there since that was looked at
                 self._refused_again.get(place, _nothing)()
             yield self.stage
-            self._write_record(report)
+            self._write_record(report, pictures)
 
     @property
     def stage(self) -> Stage:
@@ -229,16 +236,20 @@ class Run:
             stage = self.stage_in(self.reviews.folder)
             self.facts["reviews"] = self.reviews.finish(stage, self.outputs, self.progress)
 
-    def _write_record(self, report: bool) -> None:
+    def _write_record(self, report: bool, pictures: Path | None) -> None:
         self.outputs.setdefault("run", self.record_path)
         self.record.metrics = self.figures
         if report:
             # The record promises the report, which is made of it, and is written again for the report's own stage.
-            self.outputs["report"] = self.stage.final(REPORT)
+            name = report_name_of(self._record_name)
+            self.outputs["report"] = self.stage.final(name)
             self._save_record()
+            shown = None if pictures is None else self.stage_in(pictures).folder
             with self.step("report", 0.99, 1.0, "drawing the report"):
-                page = write_report(self.stage.folder, self.progress)
-                self._write_pdf(page)
+                folder, target = self.stage.folder, self.stage.path(name)
+                page = write_report(folder, self.progress, target, record=self._record_name, pictures=shown)
+                if name == REPORT:
+                    self._write_pdf(page)
         self._save_record()
 
     def _write_pdf(self, page: Path) -> None:
@@ -260,6 +271,11 @@ class Run:
 
 def _nothing() -> None:
     pass
+
+
+def report_name_of(record_name: str) -> str:
+    """Name of the report that lies next to a run record."""
+    return record_name.removesuffix("run.json") + REPORT
 
 
 def record_name_of(output: Path) -> str:

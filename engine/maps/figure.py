@@ -120,15 +120,16 @@ def make_figure(
     outlined = zones is not None and len(zones) > 0
     if zones is not None and outlined:
         _draw_zones(axes, layout, heatmap, zones)
+    upwards = say(heatmap.words.upwards)
     unseen = heatmap.unseen is not None and draw_unseen(axes, heatmap.unseen, inches_a_metre)
     if layout.at_the_side:
         x, top = layout.width - _RIGHT - _COLUMN + 0.35, layout.map_bottom + layout.map_height
-        draw_north(sheet, x + 0.12, top - 0.5)
+        draw_north(sheet, x + 0.12, top - 0.5, upwards)
         draw_scale_bar(sheet, x, top - 1.0, 1.8, inches_a_metre)
         draw_legend(sheet, (x, top - 4.6, 0.22, 2.6), heatmap, vertical=True)
         keys = x, top - 5.15
     else:
-        draw_north(sheet, _LEFT + 0.12, 0.4)
+        draw_north(sheet, _LEFT + 0.12, 0.4, upwards)
         draw_scale_bar(sheet, _LEFT + 0.6, 0.55, 2.2, inches_a_metre)
         draw_legend(sheet, (_LEFT + 3.5, 0.5, 3.2, 0.2), heatmap, vertical=False)
         keys = _LEFT + 7.0, 0.75

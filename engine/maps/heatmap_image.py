@@ -33,7 +33,8 @@ class Words:
     """What a map says of itself; an elevation change by default.
 
     ``low`` and ``high`` name the legend's ends, ``veil`` and ``outline`` the keys; ``notes`` stand below the title,
-    those of a change where they are empty. ``signed``: whether the legend's numbers have a sign.
+    those of a change where they are empty. ``signed``: whether the legend's numbers have a sign. ``upwards`` is what
+    the arrow along the picture's upper side says.
     """
 
     title: str = "Elevation change"
@@ -44,6 +45,7 @@ class Words:
     outline: str = "hazard zone"
     notes: str = ""
     signed: bool = True
+    upwards: str = "N"
 
 
 @dataclass(frozen=True)

@@ -125,12 +125,12 @@ def draw_scale_bar(sheet: Sheet, x: float, y: float, room: float, inches_a_metre
         sheet.text(x + share * width, y - 0.12, label, ha="center")
 
 
-def draw_north(sheet: Sheet, x: float, y: float) -> None:
-    """An arrow 0.45 inches high with its N, centred on ``x``; ``y`` is its lower end."""
+def draw_north(sheet: Sheet, x: float, y: float, word: str = "N") -> None:
+    """An arrow 0.45 inches high with its N, or another word, centred on ``x``; ``y`` is its lower end."""
     for side, colour in ((0.0, INK), (0.24, "white")):
         half = ((side, 0.0), (0.12, 0.32), (0.12, 0.08))
         sheet.shape(Polygon(half, facecolor=colour, edgecolor=INK, lw=0.6), x - 0.12, y)
-    sheet.text(x, y + 0.41, "N", BODY, weight="bold", ha="center")
+    sheet.text(x, y + 0.41, word, BODY, weight="bold", ha="center")
 
 
 def draw_colour_bar(

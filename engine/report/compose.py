@@ -41,6 +41,7 @@ _REPORTED = {
     *command_sets.INSPECT,
     *command_sets.DEMCHANGE,
     *command_sets.DISPLACEMENT,
+    *command_sets.M3C2,
 }
 _MAX_ZONES, _MAX_PROFILES = 40, 12
 _ROLES = {
@@ -65,13 +66,22 @@ MEANINGS = {
 }
 
 
-def write_report(folder: Path, progress: Progress | None = None, target: Path | None = None) -> Path:
+def write_report(
+    folder: Path,
+    progress: Progress | None = None,
+    target: Path | None = None,
+    *,
+    record: str = "run.json",
+    pictures: Path | None = None,
+) -> Path:
     """Write ``report.html`` into an output folder of ``inspect``, ``change``, ``displacement`` or ``series``; its path.
 
     It is made of that folder alone, in the language of the environment, so that the same folder gives the same bytes.
 
     Args:
         target: another file to write.
+        record: name of the run record.
+        pictures: folder of the other outputs, if another.
 
     Raises:
         InputError: the folder holds no record of such a run, or a file of it cannot be read.
@@ -79,7 +89,7 @@ def write_report(folder: Path, progress: Progress | None = None, target: Path | 
     folder = Path(folder)
     target = target or folder / REPORT
     with atomic_output(target, check_report) as partial:
-        _write(partial, compose(read_record(folder), folder, progress=progress))
+        _write(partial, compose(read_record(folder, record), pictures or folder, progress=progress))
     return target
 
 
@@ -114,6 +124,8 @@ def compose(
         template, more = "change.html.j2", _change_context(record, folder, profiles or folder / "profiles.csv")
     elif record["command"] == "series":
         template, more = "series.html.j2", _series_context(record, folder)
+    elif record["command"] == "m3c2":
+        template, more = "m3c2.html.j2", _face_context(record, folder)
     elif record.get("displacement"):
         template, more = "displacement.html.j2", _motion_context(record, folder)
     elif "screened_zone_count" in record["metrics"]:
@@ -126,7 +138,7 @@ def compose(
     return render(_TEMPLATES / template, current_language(), **(context | more))
 
 
-def read_record(folder: Path) -> dict[str, Any]:
+def read_record(folder: Path, name: str = "run.json") -> dict[str, Any]:
     """The run record of an output folder.
 
     Raises:
@@ -134,7 +146,7 @@ def read_record(folder: Path) -> dict[str, Any]:
     """
     settle(folder)
     try:
-        return dict(read_json(folder / "run.json", run_record, _NO_RECORD))
+        return dict(read_json(folder / name, run_record, _NO_RECORD))
     except FileNotFoundError as error:
         raise InputError(f"{shown(folder)} holds no run.json; give the output folder of a run.") from error
 
@@ -218,6 +230,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "pictures": pictures,
         "gap": f"{maps.GAP:g}",
         "most_zones": _MAX_ZONES,
+        "zones_file": "zones.gpkg",
         "most_profiles": _MAX_PROFILES,
         "verdicts": _verdicts(),
         "reviews": zone_reviews(folder / "zones.gpkg"),
@@ -237,6 +250,25 @@ def _motion_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
     days = [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")]
     epochs = (days[0], days[1]) if len(days) == 2 else ("", "")
     return {"days": days, "motion": _motion(record, folder, epochs)}
+
+
+def _face_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Of the command ``m3c2``."""
+    from . import maps
+    from .embedding import photograph
+
+    epochs = [str(i["role"]).removeprefix("epoch ") for i in record["inputs"] if str(i["role"]).startswith("epoch ")]
+    return {
+        "epochs": epochs,
+        "lod": record.get("level_of_detection") or {},
+        "pictures": {
+            "face": photograph(folder / "m3c2_face.png", "Distances on the face, seen square to its plane", 1000),
+            "change": maps.distance_map(folder, record["colour_limit_m"], (epochs[0], epochs[1])),
+        },
+        "most_zones": _MAX_ZONES,
+        "zones_file": "m3c2_zones.gpkg",
+        "reviews": {},
+    }
 
 
 def _whole_pair(record: dict[str, Any], epochs: list[str]) -> int:

@@ -46,7 +46,7 @@ def change_facts(
         frame: the zones, the most severe first.
         limit: end of the pictures' colour scale, metres.
     """
-    days = _days(epochs)
+    days = days_between(*epochs)
     return {
         "epochs": [{"name": e.name, "date": e.date.isoformat() if e.date else None} for e in epochs],
         "days": days,
@@ -246,7 +246,7 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, (int, np.integer)) else float(value)
 
 
-def _days(epochs: tuple[Epoch, Epoch]) -> int | None:
-    first, last = (e.date for e in epochs)
-    days = (last - first).days if first and last else 0
+def days_between(first: Epoch, last: Epoch) -> int | None:
+    """Of two surveys; None where a day is not known."""
+    days = (last.date - first.date).days if first.date and last.date else 0
     return days if days > 0 else None

@@ -40,15 +40,47 @@ _MAX_POINTS = 100_000_000  # in a cell: a damaged file may state any number
 def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
     """Signed change where it is beyond its level, grey where it is below, with zones, scale, north and coordinates."""
     names = ("elevation_change", "level_of_detection", "significant_change")
+    words = Words(
+        title="Change above the level of detection", veil=("grey: measured, but", "below the level of detection")
+    )
+    text = (
+        "Map of the elevation change beyond its level of detection: red is lowered, blue is raised, grey is below the "
+        "level, hatched was not seen; the zones are outlined and numbered"
+    )
+    return _signed_map(folder, names, "zones.gpkg", words, text, limit, epochs)
+
+
+def distance_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
+    """As ``change_map``, of M3C2 distances seen from above."""
+    names = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
+    words = Words(
+        title="Distance above the level of detection, seen from above",
+        legend="Distance along the normal (m)",
+        veil=("grey: measured, but", "below the level of detection"),
+    )
+    text = (
+        "Map of the distances along the normal beyond their level of detection: red is lowered, blue is raised, grey "
+        "is below the level; the zones are outlined and numbered"
+    )
+    return _signed_map(folder, names, "m3c2_zones.gpkg", words, text, limit, epochs)
+
+
+def _signed_map(
+    folder: Path,
+    names: tuple[str, str, str],
+    layer: str,
+    words: Words,
+    text: str,
+    limit: float,
+    epochs: tuple[str, str],
+) -> Picture:
+    """Of the rasters of change, level and significant change, and the file of the zones."""
     rasters = read_listed([(folder / f"{name}.tif", 1) for name in names])
     _, level, beyond = rasters.values
     longest = max(rasters.grid.shape) * rasters.grid.cell
     grid = top_view_grid(rasters.grid, max(rasters.grid.cell, longest / _MAP_PIXELS))
     white = np.full((*grid.shape, 4), 255, dtype=np.uint8)
     white[..., 3] = 0
-    words = Words(
-        title="Change above the level of detection", veil=("grey: measured, but", "below the level of detection")
-    )
     drawn = make_heatmap(
         rasters.laid(),
         np.isfinite(beyond),
@@ -58,13 +90,10 @@ def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
         HeatmapParameters(opacity=1.0),
         limit=limit,
     )
-    drawn = replace(drawn, words=words, unseen=read_unseen(folder / RASTER))
-    zones = read_layer(folder / "zones.gpkg", "zones") if (folder / "zones.gpkg").is_file() else None
-    return map_picture(
-        make_figure(drawn, zones=zones, epochs=epochs),
-        "Map of the elevation change beyond its level of detection: red is lowered, blue is raised, grey is below the "
-        "level, hatched was not seen; the zones are outlined and numbered",
-    )
+    unseen = read_unseen(folder / RASTER) if names[0] == "elevation_change" else None
+    drawn = replace(drawn, words=words, unseen=unseen)
+    zones = read_layer(folder / layer, "zones") if (folder / layer).is_file() else None
+    return map_picture(make_figure(drawn, zones=zones, epochs=epochs), text)
 
 
 def hillshades(folder: Path) -> tuple[Picture | None, Picture | None]:

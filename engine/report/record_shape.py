@@ -74,7 +74,8 @@ _OBJECT = fields(
         **dict.fromkeys(("object_id", "kind", "change", "zone_id"), text()),
         **dict.fromkeys(("height_m", "length_m", "width_m", "volume_m3", "n_points", "confidence"), _SHARE_OR_MORE),
         **dict.fromkeys(("deposit", "x", "y"), _NUMBER),
-    }
+    },
+    dict.fromkeys(("volume_low_m3", "volume_high_m3"), _SHARE_OR_MORE),
 )
 _CLASSES = rows(fields({"class": text(), "vol_net_m3": _NUMBER}), most=2000)
 _VOLUME = fields({"group": text(), "quantity": text(), "unit": text()})
@@ -132,6 +133,15 @@ _CHANGE = fields(
         "level_of_detection": maybe(fields({}, {"terms": maybe(_ROWS), "slope_classes": maybe(_ROWS)})),
     },
 )
+_FACE = fields(
+    {
+        "colour_limit_m": _POSITIVE,
+        "face": fields({"dip_deg": _NUMBER, "azimuth_deg": _NUMBER, "cell_m": _POSITIVE}),
+        "zones": rows(fields({"zone_id": text(), "kind": text()})),
+        "volumes": fields({"rows": rows(_VOLUME), "error_model": fields({"model": text()})}),
+    },
+    {"level_of_detection": fields({}, {"slope_classes": maybe(_ROWS)})},
+)
 _COVERAGE = (
     "compared_share", "compared_m2", "only_first_m2", "only_this_m2", "too_few_points_m2", "points_m2",
     "first_points_m2", "error_median_m", "vegetation_m2",
@@ -166,6 +176,8 @@ def run_record(value: Any, place: str = "") -> None:
     if value.get("epochs"):
         _CHANGE(value, place)
         _change_fits(value)
+    elif value["command"] == "m3c2":
+        _FACE(value, place)
     elif value["command"] == "series":
         _SERIES(value, place)
         _series_fits(value)

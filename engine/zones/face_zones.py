@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import geopandas as gpd
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from pyproj import CRS
+from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 from scipy.stats import false_discovery_control
@@ -48,6 +50,16 @@ class Face:
         """(n, 3) of points (n, 3)."""
         return np.asarray((xyz - self.origin) @ self.axes.T)
 
+    @property
+    def dip(self) -> float:
+        """Of the plane, degrees: 90 for a wall, more for an overhang."""
+        return float(np.degrees(np.arccos(np.clip(self.axes[2, 2], -1.0, 1.0))))
+
+    @property
+    def seen_from(self) -> float:
+        """Azimuth of the side of the normal, degrees from north."""
+        return float(np.degrees(np.arctan2(self.axes[2, 0], self.axes[2, 1])) % 360.0)
+
     def on_map(self, frame: gpd.GeoDataFrame, local: Float) -> gpd.GeoDataFrame:
         """A frame of polygons in the plane as seen from above; ``local`` (n, 3) are points of the face."""
         tree = cKDTree(local[:, :2])
@@ -56,7 +68,18 @@ class Face:
             out = local[tree.query(places)[1], 2]
             return np.asarray((np.column_stack([places, out]) @ self.axes + self.origin)[:, :2])
 
-        return frame.set_geometry(shapely.make_valid(shapely.transform(frame.geometry.to_numpy(), seen)), crs=frame.crs)
+        return frame.set_geometry(_polygons(shapely.transform(frame.geometry.to_numpy(), seen)), crs=frame.crs)
+
+
+def _polygons(shapes: NDArray[np.object_]) -> NDArray[np.object_]:
+    """Valid polygons (n,) of those that a projection folded, without the lines that some parts become."""
+    valid = shapely.make_valid(shapes)
+    parts, number = shapely.get_parts(valid, return_index=True)
+    inner, of_part = shapely.get_parts(parts, return_index=True)  # a collection may hold multipolygons
+    kept = shapely.get_type_id(inner) == shapely.GeometryType.POLYGON
+    made = np.full(len(shapes), shapely.MultiPolygon(), dtype=object)
+    shapely.multipolygons(inner[kept], indices=number[of_part[kept]], out=made)
+    return made
 
 
 @dataclass(frozen=True)
@@ -64,9 +87,12 @@ class FaceCells:
     """Means of the measured core points in each cell of a face, arrays (rows, columns), NaN in cells without any.
 
     ``distance`` and its standard ``error`` are in metres; it is not divided by the number of core points, because
-    neighbouring cylinders share their points. ``area`` is in m² of the surface, 0 where it is too oblique
-    (``MAX_OBLIQUE_DEG``). ``slope`` is that of the normals, degrees; ``points`` the number in the emptier cylinder;
-    ``plants`` the part of the error that vegetation makes, m, None where no cloud states it.
+    neighbouring cylinders share their points. ``area`` is in m² of the surface, 0 where a cell has no plane of its
+    own: its surface is too oblique (``MAX_OBLIQUE_DEG``), or one part of the face lies behind another, farther than a
+    surface as oblique as that reaches from a cell to the next. ``left_out`` is the share of such core points.
+    ``depth`` is how far the surface stands out from the plane, m; ``slope`` that of the normals, degrees; ``points``
+    the number in the emptier cylinder; ``plants`` the part of the error that vegetation makes, m, None where no cloud
+    states it.
     """
 
     face: Face
@@ -75,9 +101,11 @@ class FaceCells:
     distance: Float
     error: Float
     area: Float
+    depth: Float
     slope: Float
     points: Index
     plants: Float | None
+    left_out: float
 
     @classmethod
     def of(cls, found: Distances, cell: float) -> FaceCells:
@@ -101,7 +129,9 @@ class FaceCells:
         with np.errstate(invalid="ignore", divide="ignore"):
             normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
             upright = normals @ face.axes[2]
-            area = np.where(upright >= np.cos(np.radians(MAX_OBLIQUE_DEG)), cell**2 / upright, 0.0)
+            # points of two cells that touch are at most two diagonals apart
+            alone = _step(index, local[:, 2], grid) <= np.sqrt(8.0) * cell * np.tan(np.radians(MAX_OBLIQUE_DEG))
+            area = np.where(alone & (upright >= np.cos(np.radians(MAX_OBLIQUE_DEG))), cell**2 / upright, 0.0)
         plants = plant_error(found, np.flatnonzero(here))
         fewest = np.minimum(found.reference.count, found.moving.count)[here].astype(np.float64)
         return cls(
@@ -111,9 +141,11 @@ class FaceCells:
             np.where(area > 0, mean(distance), np.nan),
             np.where(area > 0, mean(found.level[here]) / quantile(found.confidence), np.nan),
             area,
+            mean(local[:, 2]),
             slope_of(normals.reshape(-1, 3)).reshape(grid.shape),
             np.nan_to_num(mean(fewest)).astype(np.int64),
             None if plants is None else found.plants_factor * mean(plants),
+            float(np.mean(area.ravel()[index] == 0.0)),
         )
 
     def discoveries(self, confidence: float) -> Bool:
@@ -130,12 +162,22 @@ class FaceCells:
         return significant
 
 
+def _step(index: Index, depth: Float, grid: Grid) -> Float:
+    """How far a point of each cell (rows, columns) is before or behind one of the cell or those around it, m."""
+    near, far = np.full(grid.shape, -np.inf), np.full(grid.shape, np.inf)
+    np.maximum.at(near.ravel(), index, depth)
+    np.minimum.at(far.ravel(), index, depth)
+    return np.maximum(near - minimum_filter(far, 3), maximum_filter(near, 3) - far)
+
+
 @dataclass(frozen=True)
 class FaceZones:
-    """Zones of a face, whose frames lie on the map; ``footprints`` those of the volumes; the cells, and which of them
-    are significant.
+    """Zones of a face, whose frames lie on the map; ``outlines`` are the zones in its plane, ``footprints`` those of
+    the volumes; ``face`` what was measured, the cells, and which of them are significant.
     """
 
+    face: FaceCells
+    outlines: gpd.GeoDataFrame
     zones: Zones
     footprints: gpd.GeoDataFrame
     cells: Cells
@@ -172,4 +214,4 @@ def face_zones(
     number = np.maximum(np.bincount(zone, minlength=len(zones.frame) + 1), 1)
     steep = np.bincount(zone, slope, len(number))[1:] / number[1:]
     frame, unsure = (face.face.on_map(of, face.local) for of in (zones.frame.assign(slope_deg=steep), zones.unsure))
-    return FaceZones(replace(zones, frame=frame, unsure=unsure), footprints, cells, significant)
+    return FaceZones(face, zones.frame, replace(zones, frame=frame, unsure=unsure), footprints, cells, significant)

@@ -48,8 +48,8 @@ def test_progress_result_and_outputs(pair, tmp_path):
     assert percents == sorted(percents)
     assert percents[-1] == 100
     result = events[-1]
-    maps = {f"m3c2_{name}" for name in ("distance", "level_of_detection", "significant", "zones", "volumes")}
-    assert set(result["outputs"]) == {"points", "run"} | maps
+    maps = {f"m3c2_{name}" for name in ("distance", "level_of_detection", "significant", "zones", "volumes", "face")}
+    assert set(result["outputs"]) == {"points", "run", "report"} | maps
     for path in result["outputs"].values():
         assert Path(path).stat().st_size > 0
     assert Path(result["outputs"]["m3c2_distance"]).parent == tmp_path / "maps"

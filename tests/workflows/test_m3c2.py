@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,8 +13,10 @@ import numpy as np
 import pytest
 import rasterio
 import shapely
+from PIL import Image
 from pyproj import CRS
 from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.report.compose import check_report
 from slopewatch.tests.builders.steep_pair import BULGE, DIP, NORMAL, region, run, steep, write
 
 
@@ -232,12 +235,37 @@ def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
     assert outputs["m3c2_distance"] == tmp_path / "maps" / "m3c2_distance.tif"
     assert {p.name for p in (tmp_path / "maps").iterdir()} == {
         f"m3c2_{name}.{end}" for name in ("distance", "level_of_detection", "significant") for end in ("tif", "qml")
-    } | {"m3c2_zones.gpkg", "m3c2_volumes.csv"}
+    } | {"m3c2_zones.gpkg", "m3c2_volumes.csv", "m3c2_face.png"}
     record = json.loads((tmp_path / "out_run.json").read_text())
     assert record["transform"] == matrix.tolist()
     with rasterio.open(outputs["m3c2_distance"]) as source:
         assert float(source.tags()["COREG_DX"]) == pytest.approx(-0.4)
     assert run(*pair, tmp_path / "e.laz", registration_error=0.05, **given).figures["registration_error_m"] == 0.05
+
+
+def test_the_picture_of_the_face_shows_the_raised_third_from_the_side_of_the_normal(outcome):
+    """The face dips to the south; seen from there, the raised west is on the left."""
+    with Image.open(outcome[0]["m3c2_face"]) as picture:
+        red, _, blue = np.asarray(picture.convert("RGB")).astype(int)[250:-250].transpose(2, 0, 1)
+    bluish = (blue - red > 40).mean(axis=0)
+    columns = np.flatnonzero(bluish > 0.3)
+    assert len(columns) > 100
+    assert columns.max() < 0.45 * bluish.size
+
+
+def test_the_report_lies_next_to_the_record_and_states_its_figures(outcome):
+    outputs, metrics, _ = outcome
+    report = outputs["report"]
+    assert report == outputs["run"].with_name("points_report.html")
+    check_report(report)
+    page = report.read_text(encoding="utf-8")
+    assert page.count("data:image/") == 2
+    found = dict(re.findall(r'<data value="([^"]+)" data-from="/metrics/(vol_gain_m3)"', page))
+    assert [float(value) for value in found] == [metrics["vol_gain_m3"]]
+    record = json.loads(outputs["run"].read_text())
+    assert record["face"]["dip_deg"] == pytest.approx(np.degrees(DIP), abs=0.5)
+    assert record["face"]["azimuth_deg"] == pytest.approx(180.0, abs=0.5)
+    assert "Every figure stands in points_run.json" in page
 
 
 class TestRegion:

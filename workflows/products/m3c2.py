@@ -18,10 +18,12 @@ from ...engine.grid import geotiff
 from ...engine.grid.grid import Grid, cell_index, snapped_grid
 from ...engine.m3c2.distances import Distances, Status
 from ...engine.maps import palette, qgis_styles
+from ...engine.maps.face_picture import write_face_png
+from ...engine.report.facts import days_between, zone_rows
 from ...engine.statistics.normal import quantile
 from ...engine.statistics.robust import nmad
 from ...engine.zones.extraction import Origin
-from ...engine.zones.face_zones import FaceZones, face_zones
+from ...engine.zones.face_zones import MAX_OBLIQUE_DEG, FaceZones, face_zones
 from ...engine.zones.gcd_table import table_frame, volume_table, write_volume_table
 from ...interface.parameters import ZoneParameters
 from ..run import Run
@@ -29,10 +31,12 @@ from .change import Context
 from .masked_raster import Legend, write_masked_raster
 from .zones import write_zones, zone_figures
 
-ZONES, VOLUMES = "m3c2_zones.gpkg", "m3c2_volumes.csv"
+ZONES, VOLUMES, PICTURE = "m3c2_zones.gpkg", "m3c2_volumes.csv", "m3c2_face.png"
 RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
-MAPS = (*(f"{name}.tif" for name in RASTERS), ZONES, VOLUMES)
+MAPS = (*(f"{name}.tif" for name in RASTERS), ZONES, VOLUMES, PICTURE)
 _MAX_CELLS = 50_000_000
+_MIN_TOLD_SHARE = 0.005
+"""Of the core points, one in a hundred when rounded."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +96,13 @@ def rasterise(found: Distances, cell: float) -> DistanceRasters:
 
 
 def write_rasters(
-    found: Distances, cell: float, crs: CRS, tags: dict[str, str], colour_range: float, stage: Stage
-) -> dict[str, Path]:
-    """Write the three rasters with their styles into ``stage``; returns the final paths by name."""
+    found: Distances, cell: float, crs: CRS, tags: dict[str, str], stage: Stage
+) -> tuple[dict[str, Path], float]:
+    """Write the three rasters with their styles into ``stage``; returns the final paths by name, and the end of their
+    colours, metres.
+    """
     made = rasterise(found, cell)
-    level = float(np.nanmedian(made.level))
-    limit = palette.colour_limit(made.significant, colour_range, level=level)
+    limit = palette.colour_limit(made.significant, None, level=float(np.nanmedian(made.level)))
     path, beyond = stage.path(f"{RASTERS[0]}.tif"), np.isfinite(made.significant)
     legend = Legend("Distance along the normal (M3C2), later minus earlier", limit)
     write_masked_raster(path, made.distance, beyond, made.grid, crs, legend, tags)
@@ -115,7 +120,7 @@ def write_rasters(
         geotiff.write_raster(path, array, made.grid, crs, description=description, tags=tags)
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
-    return outputs
+    return outputs, limit
 
 
 def write_maps(
@@ -127,17 +132,38 @@ def write_maps(
         cell: metres, of the rasters and of the cells on the face.
     """
     tags = context.tags(median_level_95(found))
-    run.outputs |= write_rasters(found, cell, context.crs, tags, 0.0, run.stage_in(folder))
+    stage = run.stage_in(folder)
+    outputs, limit = write_rasters(found, cell, context.crs, tags, stage)
+    run.outputs |= outputs
     run.progress.update(0.5, "outlining zones")
     origin = Origin(context.dates, context.method, context.run_id)
     zones = face_zones(found, cell, context.crs, parameters, origin=origin)
-    run.figures |= write_face_zones(run, zones, context.second.date, folder)
+    run.figures |= _write_zones(run, zones, context.second.date, stage)
+    run.progress.update(0.7, "drawing the face")
+    names = context.first.name, context.second.name
+    write_face_png(stage.path(PICTURE), zones, limit, names, run.progress)
+    run.outputs["m3c2_face"] = stage.final(PICTURE)
+    plane = zones.face.face
+    run.facts |= {
+        "days": days_between(context.first, context.second),
+        "reference_system": {"name": context.crs.name, "epsg": context.crs.to_epsg()},
+        "colour_limit_m": limit,
+        "face": {"dip_deg": plane.dip, "azimuth_deg": plane.seen_from, "cell_m": cell},
+        "zones": zone_rows(zones.zones.frame),
+    }
+    if zones.face.left_out >= _MIN_TOLD_SHARE:
+        run.progress.warning(
+            f"{100 * zones.face.left_out:.0f} % of the measured core points are in no zone and no volume. There the "
+            f"face turns by more than {MAX_OBLIQUE_DEG:.0f}° from the plane that fits it best, or its parts lie behind "
+            "one another. Measure each of its sides alone, with --roi around it."
+        )
 
 
-def write_face_zones(run: Run, found: FaceZones, stamp: date | None, folder: Path) -> dict[str, Any]:
-    """Write zones and table of volumes into ``folder``; ``run`` gets their paths. Returns the main figures."""
-    zones, stage = found.zones, run.stage_in(folder)
+def _write_zones(run: Run, found: FaceZones, stamp: date | None, stage: Stage) -> dict[str, Any]:
+    """Write zones and table of volumes; ``run`` gets their paths. Returns the main figures."""
+    zones = found.zones
     table = volume_table(found.cells, found.significant, zones.volumes, zones.correlation)
+    run.facts["volumes"] = table.facts()
     write_zones(
         stage.path(ZONES),
         zones.frame,
@@ -148,7 +174,8 @@ def write_face_zones(run: Run, found: FaceZones, stamp: date | None, folder: Pat
     )
     write_volume_table(stage.path(VOLUMES), table)
     run.outputs |= {"m3c2_zones": stage.final(ZONES), "m3c2_volumes": stage.final(VOLUMES)}
-    return {**zone_figures(zones.frame), "unsure_groups": len(zones.unsure)} | table.figures()
+    figures = {**zone_figures(zones.frame), "unsure_groups": len(zones.unsure), "left_out_share": found.face.left_out}
+    return figures | table.figures()
 
 
 def median_level_95(found: Distances) -> float:
