@@ -75,6 +75,7 @@ def change_qml(
     unit: str = "m",
     shown: tuple[date, date] | None = None,
     opacity_band: int | None = None,
+    only_beyond: bool = False,
 ) -> str:
     """Diverging, zero-centred style of an elevation-change raster: lowering red, raising blue.
 
@@ -83,6 +84,7 @@ def change_qml(
         level: change below this is drawn in a faint grey (one level for all cells).
         shown: the temporal controller shows the layer after the first day until the second.
         opacity_band: the band of the raster by which cells within their own level are pale (``opacity_band.opacity``).
+        only_beyond: cells within their own level have no value.
     """
     inner = level if level is not None and 0 < level < limit else 0.0
     # a stop close to the grey band's edge would only crowd the legend
@@ -93,6 +95,8 @@ def change_qml(
     ]
     stops: list[tuple[float, Colour, int, str]] = []
     zero = f"0 {unit}" if opacity_band is None else f"0 {unit} (pale: within the cell's level of detection)"
+    if only_beyond:
+        zero = "no colour: compared, no change above the level"
     if inner:
         # two stops close together make the hard edge of the grey band
         arms.append((inner * 1.0001, inner, *signed_colours(inner / limit)))

@@ -12,6 +12,8 @@ from shapely.geometry.base import BaseGeometry
 from ..core.arrays import Float, Index
 from .candidates import LOW_M, MIN_HEIGHT_M, Heights
 
+FLAT_TOP = 0.75
+"""Least share of an object's height at which its lowest return lies if its top is flat."""
 RING_M = 1.0
 """Width of the ring in which the ground around is looked at, and at least three spacings."""
 _MIN_RING_POINTS = 8
@@ -39,14 +41,32 @@ def _log_likelihood(counts: Counts) -> float:
     return sum(n * np.log(n / total) for n in (counts.hits, counts.through) if n)
 
 
+def top_of(height: Float) -> float:
+    """Height (m) of the top of returns (n,) so high over the ground."""
+    return float(np.quantile(height, 0.95)) if len(height) >= 20 else float(height.max())
+
+
+def is_flat(height: Float) -> bool:
+    """Whether returns (n,) so high over the ground, m, are those of a flat top."""
+    return bool(height.min() >= FLAT_TOP * top_of(height))
+
+
 class Tops:
-    """Heights (n,) m of the returns (n, 2) on an object; at a place that of the nearest one."""
+    """Heights (n,) m of the returns (n, 2) on an object; at a place that of the nearest one.
+
+    What lies nearer to the ground than to the tops went through. Under a flat top nothing lies right below it, so all
+    that is clearly lower did.
+    """
 
     def __init__(self, xy: Float, height: Float) -> None:
-        self._tree, self._height = cKDTree(xy), height
+        self._tree, self._height, self._flat = cKDTree(xy), height, is_flat(height)
 
     def at(self, xy: Float) -> Float:
         return np.asarray(self._height[self._tree.query(xy)[1]])
+
+    def lowest(self, top: Float) -> Float:
+        """Height (m) from which returns below a ``top`` (m) lie on the object."""
+        return FLAT_TOP * top if self._flat else np.minimum(top / 2, MIN_HEIGHT_M)
 
 
 class Place:
@@ -73,13 +93,13 @@ class Place:
         return self.xyz[near], self.heights[near]
 
     def split(self, area: BaseGeometry, tops: Tops) -> tuple[Index, Index]:
-        """Returns over an area that lie nearer to the tops there than to the ground, and those nearer to the ground.
+        """Returns over an area that lie on the tops there, and those that went through.
 
         Returns clearly over the tops, as of a crown, say nothing and are in neither.
         """
         within = self.within(area)
         height, top = self.heights[within], tops.at(self.xyz[within, :2])
-        through = height < np.minimum(top / 2, MIN_HEIGHT_M)
+        through = height < tops.lowest(top)
         return within[~through & (height <= top + MIN_HEIGHT_M)], within[through]
 
     def counts(self, area: BaseGeometry, tops: Tops) -> Counts:

@@ -12,8 +12,8 @@ from ..core.arrays import Float, Index
 from ..geometry.voxel_groups import groups
 from .base import NEIGHBOURS, Base
 from .candidates import MIN_HEIGHT_M, Heights, changed_returns, link_length
-from .evidence import Counts, Place, Tops, core, footprint, likelihood_ratio, pit_below
-from .shapes import Shape, shape_of, top_of
+from .evidence import Counts, Place, Tops, core, footprint, is_flat, likelihood_ratio, pit_below
+from .shapes import Shape, shape_of
 from .survey import Survey
 
 MAX_CHANCE = 0.0005
@@ -23,8 +23,6 @@ By Wilks' theorem chance alone makes it once in 10,000 groups, and half a hectar
 _MIN_RETURNS, _MIN_OPEN_RETURNS = 3, 8
 MAX_SOLID_M, STEP_M = 4.0, 0.4
 """What stands higher is no boulder, wall or vehicle; step in height that a closed surface has between its returns."""
-FLAT_TOP = 0.75
-"""Least share of an object's height at which its lowest return lies if its top is flat."""
 MAX_BENEATH, MAX_AROUND, MIN_ENDED = 0.1, 0.3, 0.9
 """Shares of a closed body's returns: below and between its own, below within its rim, last of their pulse."""
 _RIM_SPACINGS = 0.5
@@ -61,11 +59,6 @@ class Found:
     @property
     def chance(self) -> float:
         return likelihood_ratio(self.owner, self.other)
-
-
-def is_flat(height: Float) -> bool:
-    """Whether returns (n,) so high over the ground, m, are those of a flat top."""
-    return bool(height.min() >= FLAT_TOP * top_of(height))
 
 
 def find_groups(first: Survey, later: Survey) -> list[Found]:

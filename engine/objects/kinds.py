@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from .candidates import MIN_HEIGHT_M
-from .find import FLAT_TOP, Found
+from .evidence import FLAT_TOP
+from .find import Found
 
 BOULDER, WALL, HEAP, UNKNOWN, VEGETATION = "boulder", "wall", "vehicle or heap", "unknown", "vegetation"
 KINDS = (BOULDER, WALL, HEAP, UNKNOWN, VEGETATION)

@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from ..core.arrays import Float
 from .base import NEIGHBOURS
+from .evidence import top_of
 
 _MIN_FITTED = 9
 
@@ -52,11 +53,6 @@ def shape_of(xyz: Float, height: Float, around: tuple[Float, Float], area: BaseG
     )
 
 
-def top_of(height: Float) -> float:
-    """Height (m) of the top of returns (n,) so high over the ground."""
-    return float(np.quantile(height, 0.95)) if len(height) >= 20 else float(height.max())
-
-
 def sides(area: BaseGeometry) -> tuple[float, float]:
     """Length and width (m) of the smallest rectangle around an area."""
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(area))
@@ -70,7 +66,8 @@ def _volume(xyz: Float, height: Float, around: tuple[Float, Float]) -> tuple[flo
     """m³ below triangles of the returns on the object and of those around, and its standard error.
 
     An edge lies anywhere between the last return on the object and the first one beside it, so a triangle between the
-    two holds between nothing and twice its volume. Two such triangles share each return of the edge.
+    two holds between nothing and twice its volume. Triangles of one side err alike, as where vegetation hides it;
+    two sides at least err apart.
     """
     xy, heights = np.concatenate([xyz[:, :2], around[0][:, :2]]), np.concatenate([height, around[1]])
     try:
@@ -84,7 +81,7 @@ def _volume(xyz: Float, height: Float, around: tuple[Float, Float]) -> tuple[flo
     parts = areas * heights[corners].mean(axis=1)
     edge = parts[on < 3]
     ground = float(np.std(around[1])) / np.sqrt(min(len(around[1]), NEIGHBOURS)) if len(around[1]) else 0.0
-    return float(parts.sum()), float(np.hypot(np.sqrt(2.0 / 3.0 * (edge**2).sum()), ground * areas.sum()))
+    return float(parts.sum()), float(np.hypot(edge.sum() / np.sqrt(6.0), ground * areas.sum()))
 
 
 def _misfit(xyz: Float) -> float:

@@ -74,7 +74,8 @@ _OBJECT = fields(
         **dict.fromkeys(("object_id", "kind", "change", "zone_id"), text()),
         **dict.fromkeys(("height_m", "length_m", "width_m", "volume_m3", "n_points", "confidence"), _SHARE_OR_MORE),
         **dict.fromkeys(("deposit", "x", "y"), _NUMBER),
-    }
+    },
+    dict.fromkeys(("volume_low_m3", "volume_high_m3"), _SHARE_OR_MORE),
 )
 _CLASSES = rows(fields({"class": text(), "vol_net_m3": _NUMBER}), most=2000)
 _VOLUME = fields({"group": text(), "quantity": text(), "unit": text()})

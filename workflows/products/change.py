@@ -325,7 +325,7 @@ def _write_rasters(
             "significant_change",
             np.where(change.significant, change.dz, np.nan),
             f"{change.measure} beyond the level of detection",
-            qgis_styles.change_qml(limit),
+            qgis_styles.change_qml(limit, only_beyond=True),
         ),
     ]
     if change.partition.grown:

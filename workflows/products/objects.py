@@ -23,7 +23,9 @@ from ..run import Run
 from .change import Context
 
 OBJECTS = "objects.gpkg"
-_NUMBERS = ("height_m", "length_m", "width_m", "volume_m3", "n_points", "confidence", "deposit")
+_NUMBERS = ("height_m", "length_m", "width_m", "volume_m3", "volume_low_m3", "volume_high_m3") + (
+    "n_points", "confidence", "deposit",
+)  # fmt: skip
 _WORDS = ("object_id", "kind", "change", "zone_id")
 _MOST_RECORDED = 200
 

@@ -12,7 +12,7 @@ from ....interface.alert_states import alert_state
 from ....interface.rates import RateUnit
 from ...zones.fields import SLIDING
 from ..embedding import Picture, photograph
-from ..figures_in_text import figure, say, significant, with_error, words_of
+from ..figures_in_text import figure, interval, say, significant, with_error, words_of
 from ..record_shape import inside
 from ..reviews import Review
 from ..series_words import unit_of_rates
@@ -160,14 +160,16 @@ def objects_above(source: Source) -> list[Block]:
     objects = source.record.get("objects") or []
     if not objects:
         return []
-    names = ("Object", "Kind", "Change", "Height (m)", "Length (m)", "Width (m)", "Volume (m³)", "Zone", "Place (x, y)")
-    columns = [Column(say(name), left=name in ("Object", "Kind", "Change")) for name in names]
+    words = ("Object", "Kind", "Change")
+    names = (*words, "Height (m)", "Length (m)", "Width (m)", "Volume (m³)", "95 % range (m³)", "Zone", "Place (x, y)")
+    columns = [Column(say(name), left=name in words) for name in names]
     rows: list[list[Cell]] = [
         [
             row["object_id"],
             say(row["kind"]),
             say(row["change"]),
             *(figure(row, name, digits=digits) for name, digits in _OBJECT_FIGURES),
+            interval(row, "volume_low_m3", "volume_high_m3", sign=False),
             row["zone_id"] or "–",
             f"{row['x']:.1f}, {row['y']:.1f}",
         ]

@@ -92,6 +92,12 @@ def test_the_opacity_is_a_band_of_the_raster() -> None:
     assert any("pale: within the cell's level" in label for *_, label in stops(change_qml(0.4, opacity_band=2)))
 
 
+def test_the_legend_says_what_cells_without_colour_are() -> None:
+    words = "no colour: compared, no change above the level"
+    assert [value for value, *_, label in stops(change_qml(0.4, only_beyond=True)) if label == words] == [0.0]
+    assert not any(label == words for *_, label in stops(change_qml(0.4)))
+
+
 def test_cells_within_their_level_are_pale_and_those_without_data_stay_so() -> None:
     found = opacity_band.opacity(np.array([0.3, 0.3, np.nan, np.nan]), np.array([True, False, True, False]))
     np.testing.assert_array_equal(found, [255, opacity_band.WITHIN, np.nan, np.nan])
