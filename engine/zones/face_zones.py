@@ -24,7 +24,7 @@ from ..m3c2.lattice import dominant_frame
 from ..m3c2.level import plant_error, slope_of
 from ..statistics.normal import quantile
 from .extraction import Origin, Zones, extract_zones, footprint_frame
-from .footprints import Cells, Detected
+from .footprints import Cells, Detected, closed, edge_reach
 
 MAX_OBLIQUE_DEG = 80.0
 """Angle of a cell's mean normal with the plane's up to which the cell counts; beyond it, several faces may be in it."""
@@ -162,6 +162,15 @@ class FaceCells:
         return significant
 
 
+def _by_the_edge(face: FaceCells) -> Float:
+    """Standard error (rows, columns), m, of what cells on the survey's edge add to a sum: how much of each was seen is
+    not known, anything from nothing to all, and may be alike along the whole edge.
+    """
+    whole = closed(np.isfinite(face.distance), edge_reach(face.grid.cell))
+    edge = whole & ~minimum_filter(whole, 3, mode="constant", cval=False)
+    return np.where(edge, np.abs(face.distance) / np.sqrt(12.0), 0.0)
+
+
 def _step(index: Index, depth: Float, grid: Grid) -> Float:
     """How far a point of each cell (rows, columns) is before or behind one of the cell or those around it, m."""
     near, far = np.full(grid.shape, -np.inf), np.full(grid.shape, np.inf)
@@ -202,7 +211,8 @@ def face_zones(
     """
     face = FaceCells.of(found, cell)
     partition = Partition(face.grid.shape, face.grid.cell)
-    cells = Cells(face.distance, face.error, face.area, partition, face.plants)
+    unknown = _by_the_edge(face)
+    cells = Cells(face.distance, np.hypot(face.error, unknown), face.area, partition, face.plants, shared=unknown)
     significant = face.discoveries(found.confidence)
     if uniform_shift(found.distance[found.measured], found.level[found.measured]) is not None:
         significant[:] = False

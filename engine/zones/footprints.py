@@ -31,7 +31,8 @@ class Cells:
         partition: which cells are one.
         plants: the part of ``error`` that plants cause, m; None where nothing is known of them.
         plant_like: cells whose change may be the plants' (see ``season``): no footprint reaches out for it.
-        by_trend: the part of ``error`` by a tilt or bend that was taken off, m; alike all over a zone.
+        shared: the part of ``error``, m, that is one for all of a zone: by a tilt or bend that was taken off, or by
+            how much of the cells on a survey's edge was seen.
     """
 
     dz: Float
@@ -40,7 +41,7 @@ class Cells:
     partition: Partition
     plants: Float | None = None
     plant_like: NDArray[np.bool_] | None = None
-    by_trend: Float | None = None
+    shared: Float | None = None
 
     @property
     def cell(self) -> float:
@@ -133,7 +134,7 @@ def outline_footprints(
     for number, box in enumerate(ndimage.find_objects(labels, max_label=count), start=1):
         assert box is not None
         # as far as rings can reach (see _Surroundings.grown), the gaps' neighbours, and what shows the survey's edge
-        margin = max(s.stop - s.start for s in box) + 2 * _MARGIN_CELLS + reach + _edge_reach(cells.cell)
+        margin = max(s.stop - s.start for s in box) + 2 * _MARGIN_CELLS + reach + edge_reach(cells.cell)
         window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
         near = in_window(cells, window)
         zone = _Surroundings(near, labels[window], number, taken[window], reach)
@@ -156,7 +157,7 @@ def plain_footprints(cells: Cells, labels: NDArray[np.int32], count: int, *, gap
     found = []
     for number, box in enumerate(ndimage.find_objects(labels, max_label=count), start=1):
         assert box is not None
-        margin = reach + _edge_reach(cells.cell)
+        margin = reach + edge_reach(cells.cell)
         window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
         near = in_window(cells, window)
         zone = _Surroundings(near, labels[window], number, nothing[window], reach)
@@ -192,7 +193,7 @@ class _Surroundings:
         others = (labels > 0) & (labels != number)
         if others.any():
             free &= self.distance < ndimage.distance_transform_edt(~others)
-        self.within = closed(self.known, _edge_reach(cells.cell))
+        self.within = closed(self.known, edge_reach(cells.cell))
         self.usable = free & (self.known | (self.within & (self.near > 0)))
 
     def grown(self, least: float) -> NDArray[np.bool_]:
@@ -242,7 +243,7 @@ def _divided(cells: Cells, inside: NDArray[np.bool_]) -> float:
     return float(np.linalg.norm((change * size)[own < size])) * cells.cell**2 / math.sqrt(12.0)
 
 
-def _edge_reach(cell: float) -> int:
+def edge_reach(cell: float) -> int:
     """Cells in the radius of the disc that runs along the survey's edge from outside."""
     return max(5, round(_EDGE_RADIUS_M / cell))
 
@@ -266,8 +267,8 @@ def in_window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     """The part of ``cells`` in some rows and columns."""
     layout = cells.layout
     dz, error, area = (layout.window(values, window) for values in (cells.dz, cells.error, cells.area))
-    plants, plant_like, by_trend = (
+    plants, plant_like, shared = (
         None if values is None else layout.window(values, window)
-        for values in (cells.plants, cells.plant_like, cells.by_trend)
+        for values in (cells.plants, cells.plant_like, cells.shared)
     )
-    return Cells(dz, error, area, cells.partition.window(window), plants, plant_like, by_trend)
+    return Cells(dz, error, area, cells.partition.window(window), plants, plant_like, shared)

@@ -65,7 +65,7 @@ class CorrelationModel:
 
     def sampling_error(self, cells: Cells, used: NDArray[np.bool_] | slice = _ALL) -> Float:
         """The part of the errors of cells (n,) or (rows, columns), m, that no part explains that near cells share."""
-        parts = (part[used] for part in (cells.plants, cells.by_trend) if part is not None)
+        parts = (part[used] for part in (cells.plants, cells.shared) if part is not None)
         others = self.registration_error**2 + sum(np.nan_to_num(part) ** 2 for part in parts)
         return np.sqrt(np.maximum(np.asarray(cells.error[used], dtype=np.float64) ** 2 - others, 0.0))
 
@@ -85,8 +85,8 @@ class CorrelationModel:
             weighted = cells.partition.gathered(weighted, weighted != 0)
             by_plants = sum_by_plants(weighted, cells.cell, self.plants_in_common, cells.layout)
         by_registration = self.registration_error * float(weights.sum())
-        by_trend = shared_error(np.abs(weights), cells.by_trend)
-        return math.hypot(self.own_error(weights, cells), by_registration, by_plants, by_trend)
+        by_shared = shared_error(np.abs(weights), cells.shared)
+        return math.hypot(self.own_error(weights, cells), by_registration, by_plants, by_shared)
 
     def own_error(self, weights: Float, cells: Cells) -> float:
         """The part of ``sum_error`` that the sampling errors make, which differ from place to place."""
@@ -95,8 +95,8 @@ class CorrelationModel:
         return math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram, cells.layout))
 
     def common_error(self, weights: Float, cells: Cells) -> float:
-        """The part of ``sum_error`` that all cells share: the registration's, the plants' and that of a trend."""
-        others = (shared_error(np.abs(weights), part) for part in (cells.plants, cells.by_trend))
+        """The part of ``sum_error`` that all cells share: the registration's, the plants' and what a zone shares."""
+        others = (shared_error(np.abs(weights), part) for part in (cells.plants, cells.shared))
         return math.hypot(self.registration_error * float(weights.sum()), *others)
 
     def samples(self, weights: Float, cells: Cells) -> float:

@@ -94,6 +94,22 @@ def test_one_in_twenty_of_the_cells_that_count_is_unchanged_at_most():
     assert beyond > 3 * false
 
 
+def test_how_much_of_the_cells_on_the_edge_was_seen_is_in_the_error_of_a_zone_there_alone():
+    bumps = [(0.0, 8.0, 2.5, 0.15), (9.0, 8.0, 2.5, 0.15)]  # the edge cuts the first in two
+    found = zones_of(300, 65.0, bumps)
+    frame = found.zones.frame.sort_values("vol_net_m3")
+    assert len(frame) == 2
+    # the section of a cosine bump is height times radius
+    expected = 0.15 * 2.5 * SPACING_M / np.sqrt(12.0)
+    middle = len(found.cells.dz) // 2
+    near = np.s_[middle - 12 : middle + 12, :4]
+    assert np.nansum(found.cells.shared[near] * found.cells.area[near]) == pytest.approx(expected, rel=0.3)
+    assert frame["vol_err_m3"].iloc[0] > 0.7 * expected
+    row, column = np.nonzero(found.cells.shared)
+    low, high = np.array([row, column]), np.array(found.cells.dz.shape)[:, None]
+    assert np.minimum(low, high - 1 - low).min(axis=0).max() <= 2, "only along the edge, not around gaps"
+
+
 def test_parts_of_a_face_that_lie_behind_one_another_are_left_out_and_the_share_is_known():
     """Their mean would be half the change of one of them; the changes of the other half are found as without them."""
     found = face_zones(measured(65, 65.0, CHANGES, behind=8.0), SPACING_M, None)
