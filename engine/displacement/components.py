@@ -119,9 +119,6 @@ def on_the_map(
             chosen[number] = (direction[k], *figures, size.width)
     numbers = sorted(chosen)
     rows = [chosen[number] for number in numbers]
-    return Components(
-        np.array(numbers, dtype=np.int64),
-        np.array([row[0] for row in rows]).reshape(-1, 3),
-        *(np.array([row[k] for row in rows], dtype=np.float64) for k in (1, 2, 3, 4, 5)),
-        widths=len(sizes),
-    )
+    amount, error, turn, seen, width = np.array([row[1:] for row in rows], dtype=np.float64).reshape(-1, 5).T
+    direction = np.array([row[0] for row in rows]).reshape(-1, 3)
+    return Components(np.array(numbers, dtype=np.int64), direction, amount, error, turn, seen, width, len(sizes))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..geometry.voxels import block_numbers
 from .block_jackknife import block_jackknife
 from .measured import Measured, covering
@@ -53,7 +53,7 @@ def with_block_errors(found: Measured, matcher: Matcher, patches: Patches) -> Me
     return replace(covering(found, stretched), strain=strain)
 
 
-def _few_places(matrices: Float, vectors: Float, block: Float, fixed: Float, covariance: Float) -> Float:
+def _few_places(matrices: Float, vectors: Float, block: Index, fixed: Float, covariance: Float) -> Float:
     """(6, 6) by which few blocks widen the ``covariance`` (6, 6) in the directions ``fixed`` (6, q)."""
     if not fixed.shape[1]:
         return np.zeros((6, 6))

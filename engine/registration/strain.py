@@ -75,8 +75,8 @@ def estimated_strain(matrices: Float, vectors: Float, centre: Float, block: NDAr
     covariance, widen = block_jackknife(matrices, vectors, solution, block)
     covariance, estimate = (widen @ covariance @ widen)[6:, 6:], solution[6:]
     # Hotelling's limit for a covariance that is known from so many blocks
-    size, freedom = len(estimate), int(block.max()) - len(solution) + 1
-    limit = size * freedom / (freedom - size + 1) * fdtri(size, freedom - size + 1, _MIN_CONFIDENCE)
+    count, freedom = len(estimate), int(block.max()) - len(solution) + 1
+    limit = count * freedom / (freedom - count + 1) * fdtri(count, freedom - count + 1, _MIN_CONFIDENCE)
     if estimate @ np.linalg.solve(covariance, estimate) < limit:
         return None
     mean, moment, size = _moments(estimate, covariance)
