@@ -33,8 +33,10 @@ def with_block_errors(found: Measured, matcher: Matcher, patches: Patches) -> Me
     level, compared = levels(system, matcher.noise, 1.0)
     fit = agreement_weights(patches, compared, system.excess(np.zeros((1, 6))), level)[:, 0]
     some = np.flatnonzero(fit > 0)
+    if not len(some):
+        return found
     block = block_numbers(patches.centre[some], LEFT_OUT_BLOCK_WIDTHS * patches.width)
-    if not len(some) or block.max() <= 6:  # no more blocks than unknowns
+    if block.max() <= 6:  # no more blocks than unknowns
         return found
     noise = np.maximum(system.rest[some], float(np.median(system.rest[some])) / 4)
     weight = fit[some] * system.pairs[some] / (CORRELATED * np.maximum(noise, 1e-12))

@@ -17,7 +17,7 @@ from .patch_agreement import PatchAgreement, patch_agreement
 from .patch_registration import OnPatches, align_on_patches
 from .point_to_plane import Matcher
 from .quality import STABLE_SCALES
-from .rival_parts import Standing, difference, refusal
+from .rival_parts import MAX_RIVAL_RATIO_BESIDE, Standing, difference, refusal
 from .surface_patches import Patches, cut
 
 _MIN_AGREEING_SHARE = 0.95  # of the patches, with which nothing of note moved: still surveys have 0.99
@@ -65,9 +65,12 @@ def _chosen(
         return _without_a_part(found, seen, parameters)
     judged = on_patches.standing
     if judged.contested and _within_scatter(found, judged):
-        bend = found.solution.bend
-        # the error of a bent survey covers what one motion leaves
-        return found if bend is not None and bend.worth else covering(found, _square(_farthest(alignment, judged)))
+        if judged.part.rival > MAX_RIVAL_RATIO_BESIDE * judged.part.share:
+            bend = found.solution.bend
+            # the error of a bent survey covers what one motion leaves
+            worth = bend is not None and bend.worth
+            return found if worth else covering(found, _square(_farthest(alignment, judged)))
+        judged = replace(judged, known=True, contested=False)  # scatter makes small parts
     if judged.contested and not parameters.accept_unstable:
         raise InputError(refusal(judged))
     _require_expected(judged, parameters)

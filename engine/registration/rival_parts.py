@@ -17,9 +17,12 @@ from .stable_patches import StablePart
 _MIN_RIVAL_SHARE = 0.10  # of the patches' area: by chance as much agrees outside of a part
 _MIN_PART_SHARE = 0.20  # twice that
 _MIN_MAJORITY_SHARE = 0.5
-_MAX_RIVAL_RATIO = 0.7  # of a majority that lies around the other part: another one as large contradicts it
-_MAX_RIVAL_RATIO_OF_UNCLEAR_PART = 0.55  # the same of another part
-# of a smaller part: a block that moved may be larger than what stayed
+# of the part, that the other one may hold. A block that moved is compact, and ground that stayed lies around it.
+_MAX_RIVAL_RATIO = 0.7  # a majority lies around the other part
+_MAX_RIVAL_RATIO_OF_MINORITY = 0.55  # less than half of the surface lies around the other part
+MAX_RIVAL_RATIO_BESIDE = 0.5  # neither part lies around the other
+_MAX_RIVAL_RATIO_AROUND = 0.2  # the other one lies around the part
+# a smaller part: a block that moved may be larger than what stayed
 _MAX_SMALL_PART_SHARE, _MAX_RIVAL_RATIO_OF_SMALL_PART = 0.4, 0.4
 _MAX_COMPACTNESS_RATIO = 0.7  # of the other's compactness
 # Two surveys of 4 cm in height and 6.5 cm in plan each differ by less than 0.25 m in 95 % of pairs.
@@ -62,14 +65,8 @@ def standing(part: StablePart) -> Standing:
     large = other.share >= _MIN_RIVAL_SHARE
     # a datum that is off by chance as far as a block moved back is less likely than a block that moved
     doubted = large and offset > _MIN_OFFSET_ASTRAY_M and other_offset < _MAX_OFFSET_AS_SURVEYED_M
-    most = (
-        _MAX_RIVAL_RATIO
-        if part.share >= _MIN_MAJORITY_SHARE and _surrounds(part, other)
-        else _MAX_RIVAL_RATIO_OF_SMALL_PART
-        if large and part.share < _MAX_SMALL_PART_SHARE
-        else _MAX_RIVAL_RATIO_OF_UNCLEAR_PART
-    )
-    if ratio <= most and not doubted:
+    most = _most(part, other)
+    if not doubted and (ratio <= most or (not large and ratio <= _MAX_RIVAL_RATIO_OF_MINORITY)):
         return found
     if not large:
         return replace(found, known=False)
@@ -79,6 +76,20 @@ def standing(part: StablePart) -> Standing:
         swapped = replace(other, other=replace(part, other=None))
         return replace(found, part=swapped, by_position=True, offset=other_offset, other_offset=offset)
     return replace(found, known=False, contested=True)
+
+
+def _most(part: StablePart, other: StablePart) -> float:
+    """The ratio of both shares above which the other part contradicts a part."""
+    most = (
+        _MAX_RIVAL_RATIO_AROUND
+        if _surrounds(other, part) and _in_the_middle(part, other)
+        else MAX_RIVAL_RATIO_BESIDE
+        if not _surrounds(part, other)
+        else _MAX_RIVAL_RATIO
+        if part.share >= _MIN_MAJORITY_SHARE
+        else _MAX_RIVAL_RATIO_OF_MINORITY
+    )
+    return min(most, _MAX_RIVAL_RATIO_OF_SMALL_PART) if part.share < _MAX_SMALL_PART_SHARE else most
 
 
 def _offset(part: StablePart) -> float:
@@ -95,6 +106,16 @@ def _apart(part: StablePart, other: StablePart, places: Float) -> float:
 def _surrounds(part: StablePart, other: StablePart) -> bool:
     """Whether a part is spread over the surface and the other one compact, as a block that moved is."""
     return _compactness(part) < _MAX_COMPACTNESS_RATIO * _compactness(other)
+
+
+def _in_the_middle(part: StablePart, other: StablePart) -> bool:
+    """Whether the other part's middle lies within a part, which a strip beside it does not."""
+    if not (part.agrees.any() and other.agrees.any()):
+        return False
+    one, two = (np.average(p.patches.centre[p.agrees], axis=0, weights=p.patches.area[p.agrees]) for p in (part, other))
+    centre, area = part.patches.centre[part.agrees], part.patches.area[part.agrees]
+    spread = np.average(np.sum((centre - one) ** 2, axis=1), weights=area)
+    return bool(np.sum((two - one) ** 2) < spread)
 
 
 def _compactness(part: StablePart) -> float:

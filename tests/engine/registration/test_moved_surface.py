@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.pointcloud.reading import read_cloud
+from slopewatch.engine.registration import moved_surface
 from slopewatch.engine.registration.alignment import Alignment
 from slopewatch.engine.registration.measured import Measured, of_alignment
-from slopewatch.engine.registration.moved_surface import _kept, _require_expected
+from slopewatch.engine.registration.moved_surface import _chosen, _kept, _require_expected
 from slopewatch.engine.registration.observability import Information
 from slopewatch.engine.registration.patch_agreement import PatchAgreement, patch_agreement
 from slopewatch.engine.registration.patch_registration import OnPatches
@@ -24,7 +26,7 @@ from slopewatch.engine.registration.surface import Surface
 from slopewatch.engine.registration.surface_patches import cut
 from slopewatch.interface.parameters import InputParameters, RegistrationParameters
 
-from .test_rival_parts import EAST, WEST, part
+from .test_rival_parts import BLOCK, EAST, RING, WEST, part
 
 SIDE = 12.0
 
@@ -102,6 +104,25 @@ def test_the_registration_by_all_ground_is_kept_where_it_is_surer(agree, all_gro
     assert (result is not None) is kept
     if result is not None:
         assert np.sqrt(result.solution.information.covariance[3, 3]) == pytest.approx(sd, rel=0.05)
+
+
+@pytest.mark.parametrize(("shares", "sd"), [((0.45, 0.40), 0.10), ((0.60, 0.24), 0.002)])
+def test_parts_within_the_scatter_are_covered_only_if_they_are_alike(monkeypatch, shares, sd):
+    """Parts at 0.05 and 0.20 m, all ground at 0.10 m with a scatter of 0.09 m: a small other part is scatter."""
+    judged = standing(part(shares[0], 0.05, BLOCK, part(shares[1], 0.20, RING)))
+    assert judged.contested
+    quality = SimpleNamespace(places=np.zeros((50, 3)), normals=np.tile([0.0, 0.0, 1.0], (50, 1)), scale=0.09)
+    quality.stable_share = 0.99
+    all_ground = by(0.10, 0.002)
+    found = Measured(of_alignment(all_ground), quality, 0.002, 0.0)
+    monkeypatch.setattr(moved_surface, "patch_agreement", lambda *_: SimpleNamespace(judged=1.0, share=0.5))
+    monkeypatch.setattr(
+        moved_surface, "align_on_patches", lambda *_: SimpleNamespace(standing=judged, alignment=all_ground)
+    )
+    monkeypatch.setattr(moved_surface, "measured", lambda *_, **__: found)
+    monkeypatch.setattr(moved_surface, "_kept", lambda *_: found)
+    result = _chosen(found, all_ground, None, None, RegistrationParameters(), Progress())
+    assert np.sqrt(result.solution.information.covariance[3, 3]) == pytest.approx(sd, rel=0.01)
 
 
 def published(shared_data, epoch: str, every: int, *, truth: bool = False) -> np.ndarray:

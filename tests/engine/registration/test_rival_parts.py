@@ -35,6 +35,7 @@ def part(share: float, shift: float, where: np.ndarray, other: StablePart | None
 PLACES = patches().centre[:, :2]
 RING = np.abs(PLACES - SIDE / 2).max(axis=1) > 7
 BLOCK = np.abs(PLACES - SIDE / 2).max(axis=1) < 5
+STRIP = PLACES[:, 0] < 2
 WEST, EAST = PLACES[:, 0] < 8, PLACES[:, 0] > 12
 
 
@@ -47,6 +48,11 @@ WEST, EAST = PLACES[:, 0] < 8, PLACES[:, 0] > 12
         (0.40, 0.26, (RING, BLOCK), False),  # the same around a block: no majority either
         (0.55, 0.36, (RING, BLOCK), True),  # a majority around a block
         (0.55, 0.36, (WEST, EAST), False),
+        (0.60, 0.31, (WEST, EAST), False),  # neither lies around the other: half as large is too much
+        (0.60, 0.15, (BLOCK, RING), False),  # what lies around may have stayed
+        (0.60, 0.11, (BLOCK, RING), True),
+        (0.60, 0.00, (BLOCK, PLACES[:, 0] < 0), True),  # nothing else agrees on anything
+        (0.60, 0.15, (BLOCK, STRIP), True),  # a strip beside lies around nothing
         (0.45, 0.22, (WEST, EAST), True),
         (0.30, 0.15, (WEST, EAST), False),  # the larger may be a block that moved, where little stayed
         (0.22, 0.08, (WEST, EAST), True),
