@@ -9,8 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
+from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import maximum_filter, minimum_filter
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, QhullError, cKDTree
 from scipy.special import ndtr
 from scipy.stats import false_discovery_control
 
@@ -84,7 +85,8 @@ def _polygons(shapes: NDArray[np.object_]) -> NDArray[np.object_]:
 
 @dataclass(frozen=True)
 class FaceCells:
-    """Means of the measured core points in each cell of a face, arrays (rows, columns), NaN in cells without any.
+    """Cells of a face, arrays (rows, columns): means of the measured core points, or the nearest one up to a diagonal
+    away, NaN beyond. The distance is that at the cell's centre, linear between core points.
 
     ``distance`` and its standard ``error`` are in metres; it is not divided by the number of core points, because
     neighbouring cylinders share their points. ``area`` is in m² of the surface, 0 where a cell has no plane of its
@@ -116,29 +118,37 @@ class FaceCells:
         low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
         grid = snapped_grid((*low.tolist(), *high.tolist()), cell)
         index = cell_index(local[:, :2], grid)
-        count = np.bincount(index, minlength=grid.rows * grid.columns)
-
-        def mean(values: Float) -> Float:
-            with np.errstate(invalid="ignore", divide="ignore"):
-                return np.asarray(np.bincount(index, values, count.size) / count).reshape(grid.shape)
-
         # near the vertical and in overhangs, normals that point upwards are on either side of the face
         side = np.where(found.normal[here] @ face.axes[2] < 0.0, -1.0, 1.0)
         normal, distance = found.normal[here] * side[:, None], found.distance[here] * side
+        values = np.column_stack([distance, local[:, 2], normal @ face.axes.T])
+        centres = _centres(grid)
+        between = _linear(local[:, :2], values, centres)
+        held, inside = _members(local[:, :2], index, centres, np.isfinite(between[:, 0]), cell)
+        share = np.bincount(inside, minlength=len(centres))
+
+        def mean(values: Float) -> Float:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                return np.asarray(np.bincount(inside, values[held], len(share)) / share).reshape(grid.shape)
+
         normals = np.stack([mean(normal[:, k]) for k in range(3)], axis=-1)
         with np.errstate(invalid="ignore", divide="ignore"):
             normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
             upright = normals @ face.axes[2]
             # points of two cells that touch are at most two diagonals apart
             alone = _step(index, local[:, 2], grid) <= np.sqrt(8.0) * cell * np.tan(np.radians(MAX_OBLIQUE_DEG))
-            area = np.where(alone & (upright >= np.cos(np.radians(MAX_OBLIQUE_DEG))), cell**2 / upright, 0.0)
+        between = between.reshape(*grid.shape, 5)
+        distance = np.where(np.isnan(between[..., 0]), mean(distance), between[..., 0])
+        area = _halfway(between[..., 1], between[..., 2:], distance, cell)
+        area = np.where(np.isnan(area), cell**2 / upright, area)
+        area = np.where(alone & (upright >= np.cos(np.radians(MAX_OBLIQUE_DEG))), area, 0.0)
         plants = plant_error(found, np.flatnonzero(here))
         fewest = np.minimum(found.reference.count, found.moving.count)[here].astype(np.float64)
         return cls(
             face,
             local,
             grid,
-            np.where(area > 0, mean(distance), np.nan),
+            np.where(area > 0, distance, np.nan),
             np.where(area > 0, mean(found.level[here]) / quantile(found.confidence), np.nan),
             area,
             mean(local[:, 2]),
@@ -160,6 +170,57 @@ class FaceCells:
             chance = 2.0 * ndtr(-np.abs(self.distance[known]) / self.error[known])
             significant[known] = false_discovery_control(chance) <= 1.0 - confidence
         return significant
+
+
+def _centres(grid: Grid) -> Float:
+    """(cells, 2) of a grid, row by row."""
+    row, column = np.indices(grid.shape).reshape(2, -1)
+    return np.column_stack([grid.west + (column + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell])
+
+
+def _linear(places: Float, values: Float, centres: Float) -> Float:
+    """Values (n, k) at places (n, 2), linear between them at centres (m, 2); NaN beyond."""
+    try:
+        return np.asarray(LinearNDInterpolator(Delaunay(places), values)(centres))
+    except QhullError:  # few core points, or all on a line
+        return np.full((len(centres), values.shape[1]), np.nan)
+
+
+def _members(places: Float, index: Index, centres: Float, amid: Bool, cell: float) -> tuple[Index, Index]:
+    """(m,) core points, and the cell that each is a member of.
+
+    Core points are not one a cell. A cell without any that lies ``amid`` them has the nearest, up to a diagonal away.
+
+    Args:
+        index: (n,) cells of the core points at ``places`` (n, 2).
+    """
+    empty = np.bincount(index, minlength=len(centres)) == 0
+    away, nearest = cKDTree(places).query(centres)
+    taken = np.flatnonzero(empty & amid & (away <= np.sqrt(2.0) * cell))
+    return np.append(np.arange(len(index)), nearest[taken]), np.append(index, taken)
+
+
+def _halfway(depth: Float, normals: Float, distance: Float, cell: float) -> Float:
+    """Area (rows, columns), m², that a distance along the mean normals passes through in each cell; NaN at a rim.
+
+    On the surface it is the scalar product of the mean normal and the vector of the area: noise tilts normals, which
+    makes distances longer and this product smaller by as much. Halfway to the other surface it is larger where the
+    surface bulges towards that, by the mean curvature times the distance (Steiner's formula for parallel surfaces).
+
+    Args:
+        depth: of the surface at the cells' centres, m over the plane along whose axes the ``normals`` (rows, columns,
+            3) are.
+    """
+    if min(depth.shape) < 2:
+        return np.full(depth.shape, np.nan)
+
+    def rises(values: Float) -> tuple[Float, Float]:
+        return np.gradient(values, cell, axis=1), -np.gradient(values, cell, axis=0)
+
+    along, up = rises(depth)
+    on_the_surface = normals[..., 2] - normals[..., 0] * along - normals[..., 1] * up
+    curvature = (rises(normals[..., 0])[0] + rises(normals[..., 1])[1]) / 2.0
+    return np.asarray(cell**2 * on_the_surface * (1.0 + curvature * distance))
 
 
 def _by_the_edge(face: FaceCells) -> Float:

@@ -288,7 +288,8 @@ class TestRegion:
         zones = gpd.read_file(done.outputs["m3c2_zones"], layer="zones")
         assert len(zones) == 1
         raised = area.intersection(shapely.box(5e5, 3.5e6, 5e5 + 4, 3.5e6 + 99)).area / np.cos(DIP)
-        assert zones["area_m2"].sum() == pytest.approx(raised, rel=0.15)
+        # cells of 0.5 m on its edges count whole
+        assert zones["area_m2"].sum() == pytest.approx(raised, rel=0.2)
         record = json.loads(done.outputs["run"].read_text())
         assert "roi" in [entry["role"] for entry in record["inputs"]]
 

@@ -16,12 +16,12 @@ CHANGES = ((4.0, 4.0, 2.0, 0.08), (11.0, 5.0, 2.0, -0.08), (5.0, 11.5, 2.5, 0.15
 """Place along and up the face, radius and height of a cosine bump, m."""
 
 
-def survey(seed: int, dip: float, changes=(), density: float = 100.0) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) of a rough face, which rocks of 6 cm cover, and its normal."""
+def survey(seed: int, dip: float, changes=(), density: float = 100.0, rocks_m: float = 0.06):
+    """Points (n, 3) of a rough face, which rocks of so many metres cover, and its normal."""
     rng = np.random.default_rng(seed)
     rocks = gaussian_filter(np.random.default_rng(7).normal(size=(160, 160)), 4)
     along, up = rng.uniform(0, SIDE_M, (2, int(density * SIDE_M**2)))
-    out = map_coordinates(0.06 * rocks / rocks.std(), [10 * along, 10 * up], order=1, mode="nearest")
+    out = map_coordinates(rocks_m * rocks / rocks.std(), [10 * along, 10 * up], order=1, mode="nearest")
     out += rng.normal(0, 0.01, len(along))
     for east, high, radius, height in changes:
         share = np.hypot(along - east, up - high) / radius
@@ -37,9 +37,9 @@ def volume_of(change: tuple[float, float, float, float]) -> float:
     return height * np.pi * radius**2 * (0.5 - 2 / np.pi**2)
 
 
-def measured(seed: int, dip: float, changes=(), behind: float = 0.0) -> Distances:
+def measured(seed: int, dip: float, changes=(), behind: float = 0.0, rocks_m: float = 0.06) -> Distances:
     """Of a face that stands once more, 5 m farther back, over the first ``behind`` metres along it."""
-    first, second = survey(seed, dip)[0], survey(seed + 1, dip, changes)[0]
+    first, second = (survey(seed + k, dip, of, rocks_m=rocks_m)[0] for k, of in ((0, ()), (1, changes)))
     back = 5.0 * survey(seed, dip)[1]
     first, second = (np.concatenate([xyz, xyz[xyz[:, 0] < behind] - back]) for xyz in (first, second))
     core = first[:: round(100.0 * SPACING_M**2)]
@@ -64,6 +64,26 @@ def test_each_change_of_a_face_is_a_zone_whose_range_holds_its_volume(dip):
         assert ((sign * known >= low) & (sign * known <= high)).sum() >= 1
     assert np.abs(found["vol_net_m3"]).sum() == pytest.approx(np.abs(known).sum(), rel=0.05)
     assert np.allclose(found["slope_deg"].astype(float), dip, atol=8.0)
+
+
+@pytest.mark.parametrize("rocks_m", [0.0, 0.15])
+def test_volumes_are_right_where_normals_are_noisy_and_the_face_is_curved(rocks_m):
+    """Steep flanks of rocks tilt the normals, and what lies on a bulge is wider than the bulge."""
+    changes = tuple((*place, 0.3 * np.sign(height)) for *place, height in CHANGES)
+    cells = FaceCells.of(measured(5, 75.0, changes, rocks_m=rocks_m), SPACING_M)
+    volume = np.nan_to_num(cells.distance * cells.area)
+    for sign in (-1.0, 1.0):
+        moved = sum(abs(volume_of(change)) for change in changes if change[3] * sign > 0)
+        found = sum(abs(volume[near(cells, change)].sum()) for change in changes if change[3] * sign > 0)
+        assert found == pytest.approx(moved, rel=0.02)
+
+
+def near(cells: FaceCells, change: tuple[float, float, float, float]) -> np.ndarray:
+    """Cells (rows, columns) up to a cylinder beyond a change."""
+    row, column = np.indices(cells.grid.shape)
+    along = cells.grid.west + (column + 0.5) * cells.grid.cell + SIDE_M / 2
+    up = cells.grid.north - (row + 0.5) * cells.grid.cell + SIDE_M / 2
+    return np.hypot(along - change[0], up - change[1]) < change[2] + 2 * RADIUS_M
 
 
 def test_a_face_that_did_not_change_has_no_zone_and_hardly_a_cell_that_counts():
