@@ -19,8 +19,7 @@ _MIN_PART_SHARE = 0.20  # twice that
 _MIN_MAJORITY_SHARE = 0.5
 # of the part, that the other one may hold. A block that moved is compact, and ground that stayed lies around it.
 _MAX_RIVAL_RATIO = 0.7  # a majority lies around the other part
-_MAX_RIVAL_RATIO_OF_MINORITY = 0.55  # less than half of the surface lies around the other part
-MAX_RIVAL_RATIO_BESIDE = 0.5  # neither part lies around the other
+MAX_RIVAL_RATIO_BESIDE = 0.55  # neither lies around the other, or a part of less than half of the surface does
 _MAX_RIVAL_RATIO_AROUND = 0.2  # the other one lies around the part
 # a smaller part: a block that moved may be larger than what stayed
 _MAX_SMALL_PART_SHARE, _MAX_RIVAL_RATIO_OF_SMALL_PART = 0.4, 0.4
@@ -66,7 +65,7 @@ def standing(part: StablePart) -> Standing:
     # a datum that is off by chance as far as a block moved back is less likely than a block that moved
     doubted = large and offset > _MIN_OFFSET_ASTRAY_M and other_offset < _MAX_OFFSET_AS_SURVEYED_M
     most = _most(part, other)
-    if not doubted and (ratio <= most or (not large and ratio <= _MAX_RIVAL_RATIO_OF_MINORITY)):
+    if not doubted and (ratio <= most or (not large and ratio <= MAX_RIVAL_RATIO_BESIDE)):
         return found
     if not large:
         return replace(found, known=False)
@@ -83,11 +82,9 @@ def _most(part: StablePart, other: StablePart) -> float:
     most = (
         _MAX_RIVAL_RATIO_AROUND
         if _surrounds(other, part) and _in_the_middle(part, other)
-        else MAX_RIVAL_RATIO_BESIDE
-        if not _surrounds(part, other)
         else _MAX_RIVAL_RATIO
-        if part.share >= _MIN_MAJORITY_SHARE
-        else _MAX_RIVAL_RATIO_OF_MINORITY
+        if part.share >= _MIN_MAJORITY_SHARE and _surrounds(part, other)
+        else MAX_RIVAL_RATIO_BESIDE
     )
     return min(most, _MAX_RIVAL_RATIO_OF_SMALL_PART) if part.share < _MAX_SMALL_PART_SHARE else most
 

@@ -83,8 +83,8 @@ def test_register_and_change_give_the_level_of_an_inspection(registered: Registe
     by_transform = changed(
         registered.reference, registered.later, tmp_path / "by transform", transform=registered.transform
     )[0]
-    # an inspection's cells end at its region, and its later cloud is moved without rounding
-    for other, tolerance in ((by_transform, 0.01), (registered.inspected, 0.05)):
+    # Millimetres of a file change which cells grow (2 of 1,939), and an inspection's cells end at its region.
+    for other, tolerance in ((by_transform, 0.02), (registered.inspected, 0.05)):
         for name, limit in (("registration_error_m", 1e-6), ("lod_median_m", tolerance)):
             assert record["metrics"][name] == pytest.approx(other["metrics"][name], rel=limit), name
     np.testing.assert_allclose(record["transform"], registered.inspected["transform"], atol=1e-6)

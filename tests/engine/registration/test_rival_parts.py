@@ -48,7 +48,8 @@ WEST, EAST = PLACES[:, 0] < 8, PLACES[:, 0] > 12
         (0.40, 0.26, (RING, BLOCK), False),  # the same around a block: no majority either
         (0.55, 0.36, (RING, BLOCK), True),  # a majority around a block
         (0.55, 0.36, (WEST, EAST), False),
-        (0.60, 0.31, (WEST, EAST), False),  # neither lies around the other: half as large is too much
+        (0.60, 0.31, (WEST, EAST), True),  # a third sank beside the rest
+        (0.60, 0.34, (WEST, EAST), False),
         (0.60, 0.15, (BLOCK, RING), False),  # what lies around may have stayed
         (0.60, 0.11, (BLOCK, RING), True),
         (0.60, 0.00, (BLOCK, PLACES[:, 0] < 0), True),  # nothing else agrees on anything
