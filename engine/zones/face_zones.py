@@ -89,7 +89,7 @@ class FaceCells:
     away, NaN beyond. The distance is that at the cell's centre, linear between core points.
 
     ``distance`` and its standard ``error`` are in metres; it is not divided by the number of core points, because
-    neighbouring cylinders share their points. ``area`` is in m² of the surface, 0 where a cell has no plane of its
+    neighbouring cylinders share their points. ``area`` is in m² (see ``_halfway``), 0 where a cell has no plane of its
     own: its surface is too oblique (``MAX_OBLIQUE_DEG``), or one part of the face lies behind another, farther than a
     surface as oblique as that reaches from a cell to the next. ``left_out`` is the share of such core points.
     ``depth`` is how far the surface stands out from the plane, m; ``slope`` that of the normals, degrees; ``points``
