@@ -9,7 +9,7 @@ from slopewatch.engine.m3c2.distances import Cylinder, Distances, LevelTerms, m3
 from slopewatch.engine.m3c2.lattice import Lattice
 from slopewatch.engine.m3c2.level import calibrated
 from slopewatch.engine.m3c2.normals import fit_planes
-from slopewatch.engine.zones.face_zones import FaceCells, FaceZones, face_zones
+from slopewatch.engine.zones.face_zones import FaceCells, FaceZones, _halfway, face_zones
 
 SIDE_M, RADIUS_M, SPACING_M, ERROR_M = 16.0, 0.3, 0.25, 0.003
 CHANGES = ((4.0, 4.0, 2.0, 0.08), (11.0, 5.0, 2.0, -0.08), (5.0, 11.5, 2.5, 0.15), (11.5, 11.5, 1.5, -0.2))
@@ -76,6 +76,31 @@ def test_volumes_are_right_where_normals_are_noisy_and_the_face_is_curved(rocks_
         moved = sum(abs(volume_of(change)) for change in changes if change[3] * sign > 0)
         found = sum(abs(volume[near(cells, change)].sum()) for change in changes if change[3] * sign > 0)
         assert found == pytest.approx(moved, rel=0.02)
+
+
+def test_noise_of_normals_makes_distances_longer_and_no_volume_larger():
+    """Of two parallel planes, between which a distance along a tilted normal is the longer by its cosine."""
+    tilt = np.random.default_rng(1).normal(0.0, 0.2, (60, 60, 2))
+    normals = np.dstack([tilt, np.ones(tilt.shape[:2])])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    distance = 0.3 / normals[..., 2]
+    area = _halfway(np.zeros(distance.shape), normals, distance, 1.0)
+    assert (distance * area).mean() == pytest.approx(0.3, rel=0.01)
+    assert (distance / normals[..., 2]).mean() > 1.07 * 0.3
+
+
+@pytest.mark.parametrize("bulges", [1.0, -1.0])
+def test_a_layer_on_a_bulge_holds_more_than_one_in_a_hollow(bulges):
+    """Between spheres of 5 and 5.3 m, or of 5 and 4.7 m, over a square of the inner half."""
+    radius, cell, height = 5.0, 0.05, 0.3
+    place = np.arange(-2.5, 2.5, cell) + cell / 2
+    along, up = np.meshgrid(place, -place)
+    depth = np.sqrt(radius**2 - along**2 - up**2)
+    normals = np.dstack([bulges * along, bulges * up, depth]) / radius
+    area = _halfway(bulges * depth, normals, np.full(depth.shape, height), cell)
+    of_the_sphere = (cell**2 * radius / depth).sum()
+    layer = bulges * ((radius + bulges * height) ** 3 - radius**3) / (3 * radius**2)
+    assert (height * area).sum() == pytest.approx(layer * of_the_sphere, rel=0.003)
 
 
 def near(cells: FaceCells, change: tuple[float, float, float, float]) -> np.ndarray:
