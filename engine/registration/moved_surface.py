@@ -26,6 +26,7 @@ _MIN_STILL_SHARE = 0.9  # of a part: the registration by all ground contradicts 
 _MIN_CONTRADICTING_SHARE = 0.35  # of the patches: a smaller part may be chance on rough ground
 _MIN_MAJORITY_SHARE = 0.5  # of the patches, without which a registration by all ground is not kept
 _MIN_SHARE_OF_ALL_GROUND = 0.75  # of the patches, with which it is kept though a part contradicts it
+_MIN_SHARE_OF_STEP = 0.9  # of the surface, which two parts hold: a bend takes many motions
 _SIGNIFICANT = 12.6  # squared distance of two motions in units of their errors: 95 % of chi-square, six motions
 
 
@@ -65,7 +66,7 @@ def _chosen(
         return _without_a_part(found, seen, parameters)
     judged = on_patches.standing
     if judged.contested and _within_scatter(found, judged):
-        if judged.part.rival > MAX_RIVAL_RATIO_BESIDE * judged.part.share:
+        if judged.rose or judged.part.rival > MAX_RIVAL_RATIO_BESIDE * judged.part.share:
             bend = found.solution.bend
             # the error of a bent survey covers what one motion leaves
             worth = bend is not None and bend.worth
@@ -92,10 +93,14 @@ def _agrees(found: Measured, seen: PatchAgreement) -> bool:
 
 
 def _within_scatter(found: Measured, judged: Standing) -> bool:
-    """Whether two parts differ by no more than points of the registration by all ground do, as on a bent survey."""
+    """Whether two parts differ by no more than points of the registration by all ground do, as on a bent survey.
+
+    Between two parts that leave nothing aside is a step, which is no bend.
+    """
     agrees = not found.solution.left and found.quality.stable_share >= _MIN_SHARE_OF_ALL_GROUND
     bend = found.solution.bend
-    scatter = found.quality.scale if bend is None else max(found.quality.scale, bend.before)
+    step = judged.part.share + judged.part.rival >= _MIN_SHARE_OF_STEP
+    scatter = found.quality.scale if bend is None or step else max(found.quality.scale, bend.before)
     return agrees and judged.apart <= STABLE_SCALES * scatter
 
 

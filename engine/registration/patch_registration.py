@@ -45,7 +45,7 @@ def align_on_patches(
     """
     progress.update(0.1, "looking for patches that did not move")
     part = stable_part(matcher, patches, (Pose.identity(), found.pose), parameters.maximum_offset)
-    judged = None if part is None else standing(part)
+    judged = None if part is None else standing(part, matcher.radius)
     if judged is None or not (judged.known or judged.contested):
         return None
     part = judged.part

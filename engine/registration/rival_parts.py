@@ -1,31 +1,101 @@
 """Which of two parts of a surface that agree on different motions stayed, and when that is undecidable.
 
-No geometry distinguishes a block that moved as one from ground that stayed. Evidence for a part: that it is much larger
-than any other, that it lies around the other as ground does around a landslide, and that it lies where it was
-surveyed. None of that is proof, so two parts of similar weight are refused.
+No geometry distinguishes a block that moved as one from ground that stayed. Evidence for a part: it is much larger than
+any other, lies around the other as ground does around a landslide, and lies where it was surveyed. Evidence against
+it: the other one then rose, and slopes sink and slide down. None of that is proof. Parts of similar weight are refused.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
 from ..core.arrays import Float
+from .observability import height_sd
+from .patch_agreement import MIN_ERROR_M
 from .stable_patches import StablePart
 
-_MIN_RIVAL_SHARE = 0.10  # of the patches' area: by chance as much agrees outside of a part
-_MIN_PART_SHARE = 0.20  # twice that
-_MIN_MAJORITY_SHARE = 0.5
-# of the part, that the other one may hold. A block that moved is compact, and ground that stayed lies around it.
-_MAX_RIVAL_RATIO = 0.7  # a majority lies around the other part
-MAX_RIVAL_RATIO_BESIDE = 0.55  # neither lies around the other, or a part of less than half of the surface does
-_MAX_RIVAL_RATIO_AROUND = 0.2  # the other one lies around the part
-# a smaller part: a block that moved may be larger than what stayed
-_MAX_SMALL_PART_SHARE, _MAX_RIVAL_RATIO_OF_SMALL_PART = 0.4, 0.4
+MAX_RIVAL_RATIO_BESIDE = 0.55
+"""Of the part: so much may another one hold beside it."""
 _MAX_COMPACTNESS_RATIO = 0.7  # of the other's compactness
+_MIN_RISE_SDS = 2.0  # standard errors of the height between both parts
 # Two surveys of 4 cm in height and 6.5 cm in plan each differ by less than 0.25 m in 95 % of pairs.
-_MAX_OFFSET_AS_SURVEYED_M, _MIN_OFFSET_ASTRAY_M = 0.25, 0.5  # metres
+_AS_SURVEYED, _ASTRAY = (0.0, 0.25), (0.5, np.inf)  # metres
+
+
+class Verdict(Enum):
+    """What two parts say about which of them stayed."""
+
+    PART = "the part stayed"
+    PART_BY_POSITION = "the part stayed, because it lies where it was surveyed"
+    OTHER_BY_POSITION = "the other one stayed, because it lies where it was surveyed"
+    NEITHER = "no part is large enough"
+    UNDECIDED = "each may have stayed"
+
+
+class Evidence(NamedTuple):
+    """Shares of the surface, offsets in metres, and how the other part ``lies``: around, within or beside the part.
+
+    ``rose``: the other part lies higher than before if the part stayed.
+    """
+
+    share: float
+    other_share: float
+    lies: str = "beside"
+    rose: bool = False
+    offset: float = 0.1
+    other_offset: float = 0.1
+
+
+class _Row(NamedTuple):
+    """A verdict where all hold: from the first number to below the second; the ``ratio`` is of both shares."""
+
+    verdict: Verdict
+    share: tuple[float, float] = (0.0, np.inf)
+    other_share: tuple[float, float] = (0.0, np.inf)
+    ratio: tuple[float, float] = (0.0, np.inf)
+    lies: tuple[str, ...] = ("around", "within", "beside")
+    rose: tuple[bool, ...] = (False, True)
+    offset: tuple[float, float] = (0.0, np.inf)
+    other_offset: tuple[float, float] = (0.0, np.inf)
+
+    def holds(self, seen: Evidence) -> bool:
+        ratio = seen.other_share / max(seen.share, 1e-9)
+        within = zip(
+            (self.share, self.other_share, self.ratio, self.offset, self.other_offset),
+            (seen.share, seen.other_share, ratio, seen.offset, seen.other_offset),
+            strict=True,
+        )
+        inside = all(low <= value < high for (low, high), value in within)
+        return inside and seen.lies in self.lies and seen.rose in self.rose
+
+
+_NOT_AROUND = ("within", "beside")
+# The first row that holds. By chance 10 % agree outside of a part.
+_TABLE = (
+    _Row(Verdict.NEITHER, share=(0.0, 0.2)),
+    _Row(Verdict.PART, other_share=(0.0, 0.1)),
+    # a datum that is off by chance as far as a block moved back is less likely than a block that moved
+    _Row(Verdict.OTHER_BY_POSITION, other_share=(0.2, 1), ratio=(0.7, 1), offset=_ASTRAY, other_offset=_AS_SURVEYED),
+    _Row(Verdict.UNDECIDED, offset=_ASTRAY, other_offset=_AS_SURVEYED),
+    _Row(Verdict.PART_BY_POSITION, rose=(True,), offset=_AS_SURVEYED, other_offset=_ASTRAY),
+    _Row(Verdict.UNDECIDED, rose=(True,)),
+    # a block that moved is compact, and ground that stayed lies around it
+    _Row(Verdict.PART, ratio=(0.0, 0.2), lies=("around",)),
+    # a block that moved may be larger than what stayed
+    _Row(Verdict.PART, share=(0.0, 0.4), ratio=(0.0, 0.4), lies=_NOT_AROUND),
+    _Row(Verdict.PART, share=(0.4, np.inf), ratio=(0.0, MAX_RIVAL_RATIO_BESIDE), lies=_NOT_AROUND),
+    _Row(Verdict.PART, share=(0.5, np.inf), ratio=(0.0, 0.7), lies=("within",)),
+    _Row(Verdict.PART_BY_POSITION, offset=_AS_SURVEYED, other_offset=_ASTRAY),
+    _Row(Verdict.UNDECIDED),
+)
+
+
+def verdict(seen: Evidence) -> Verdict:
+    return next(row.verdict for row in _TABLE if row.holds(seen))
 
 
 @dataclass(frozen=True)
@@ -38,6 +108,7 @@ class Standing:
         by_position: it was chosen only because it lies where it was surveyed.
         offset, other_offset: how far the part and the other one lie from where they were surveyed, metres.
         apart: how far apart the motions of both take the surface (root mean square), metres.
+        rose: the other part lies higher than before if the part stayed.
     """
 
     part: StablePart
@@ -47,46 +118,51 @@ class Standing:
     offset: float = 0.0
     other_offset: float = 0.0
     apart: float = 0.0
+    rose: bool = False
 
 
-def standing(part: StablePart) -> Standing:
-    """Judge the largest part and the largest other one."""
-    if part.share < _MIN_PART_SHARE:
-        return Standing(part, known=False)
-    other = part.other
+def standing(part: StablePart, radius: float) -> Standing:
+    """Judge the largest part and the largest other one.
+
+    Args:
+        radius: by which rotations are scaled in the parts' information, metres.
+    """
+    other, offset = part.other, _offset(part)
     if other is None:
-        return Standing(part, known=True, offset=_offset(part))
-    ratio = other.share / max(part.share, 1e-9)
-    offset, other_offset = (_offset(one) for one in (part, other))
-    found = Standing(
-        part, known=True, offset=offset, other_offset=other_offset, apart=_apart(part, other, part.patches.centre)
+        return Standing(part, verdict(Evidence(part.share, 0.0, offset=offset)) is Verdict.PART, offset=offset)
+    other_offset = _offset(other)
+    lies = "beside"
+    if _surrounds(other, part) and _in_the_middle(part, other):
+        lies = "around"
+    elif _surrounds(part, other):
+        lies = "within"
+    rose = _rose(part, other, radius)
+    found = verdict(Evidence(part.share, other.share, lies, rose, offset, other_offset))
+    judged = Standing(
+        part,
+        found not in (Verdict.NEITHER, Verdict.UNDECIDED),
+        found is Verdict.UNDECIDED,
+        found in (Verdict.PART_BY_POSITION, Verdict.OTHER_BY_POSITION),
+        offset,
+        other_offset,
+        _apart(part, other, part.patches.centre),
+        rose,
     )
-    large = other.share >= _MIN_RIVAL_SHARE
-    # a datum that is off by chance as far as a block moved back is less likely than a block that moved
-    doubted = large and offset > _MIN_OFFSET_ASTRAY_M and other_offset < _MAX_OFFSET_AS_SURVEYED_M
-    most = _most(part, other)
-    if not doubted and (ratio <= most or (not large and ratio <= MAX_RIVAL_RATIO_BESIDE)):
-        return found
-    if not large:
-        return replace(found, known=False)
-    if offset < _MAX_OFFSET_AS_SURVEYED_M and other_offset > _MIN_OFFSET_ASTRAY_M:
-        return replace(found, by_position=True)
-    if ratio > _MAX_RIVAL_RATIO and doubted and other.share >= _MIN_PART_SHARE:
+    if found is Verdict.OTHER_BY_POSITION:
         swapped = replace(other, other=replace(part, other=None))
-        return replace(found, part=swapped, by_position=True, offset=other_offset, other_offset=offset)
-    return replace(found, known=False, contested=True)
+        return replace(judged, part=swapped, offset=other_offset, other_offset=offset)
+    return judged
 
 
-def _most(part: StablePart, other: StablePart) -> float:
-    """The ratio of both shares above which the other part contradicts a part."""
-    most = (
-        _MAX_RIVAL_RATIO_AROUND
-        if _surrounds(other, part) and _in_the_middle(part, other)
-        else _MAX_RIVAL_RATIO
-        if part.share >= _MIN_MAJORITY_SHARE and _surrounds(part, other)
-        else MAX_RIVAL_RATIO_BESIDE
-    )
-    return min(most, _MAX_RIVAL_RATIO_OF_SMALL_PART) if part.share < _MAX_SMALL_PART_SHARE else most
+def _rose(part: StablePart, other: StablePart, radius: float) -> bool:
+    """Whether the other part rose by more than both errors, if the part stayed."""
+    centre, area = other.patches.centre[other.agrees], other.patches.area[other.agrees]
+    if not len(centre):
+        return False
+    up = np.tile([0.0, 0.0, 1.0], (len(centre), 1))
+    errors = [height_sd(one.information.covariance, centre, up, radius) for one in (part, other)]
+    rise = np.average((part.pose.apply(centre) - other.pose.apply(centre))[:, 2], weights=area)
+    return bool(rise > _MIN_RISE_SDS * np.linalg.norm([*errors, MIN_ERROR_M]))
 
 
 def _offset(part: StablePart) -> float:

@@ -23,10 +23,16 @@ from .point_to_plane import Matcher
 from .surface_patches import Equations, Patches, equations
 
 _SEARCH_POINTS = 15  # points of a patch that are paired while looking for parts
-_MAX_WEAK_CURVATURE_RATIO = 0.1  # of the largest curvature: what walls and steps fix on level ground
+# Weak directions, which walls and steps fix on level ground.
+_MAX_WEAK_CURVATURE_RATIO = 0.1  # of the largest curvature
 _MIN_WEAK_SINE_SQUARED = 0.2  # squared sine from which a patch constrains a weak direction
-_SURROUNDINGS_WIDTHS = 2.0  # widths
-_WEAK_TRIAL_COUNT = 1_000
+_SURROUNDINGS_WIDTHS = 2.0  # patch widths
+_MIN_STABLE_SURROUNDINGS = 0.5  # share of the firm patches around
+_WEAK_LEVEL_FACTOR = 2.0  # of the error floor: few points of a patch are paired
+_WEAK_TRIAL_COUNT, _WEAK_SAMPLE_SIZE = 1_000, 3  # samples, patches: twice can be alike, three fix two directions
+_MIN_GAIN_RATIO = 1.2  # of the area that agrees without a slide
+_MIN_KEPT_AREA_RATIO = 0.95  # of the part's area: a slide must leave the rest as it was
+_MAX_SHARED_RATIO = 0.5  # of a motion's area, shared with the best one: above, both are one motion
 _MAX_RIVAL_AREA_RATIO = 0.75  # of the area that agrees best: as much agrees on something else
 _TRIAL_COUNT = 6_000
 _PARTNER_COUNTS = (1, 2, 3, 5, 8)  # patches that a trial takes in addition to its first one
@@ -206,33 +212,34 @@ class _Task:
             return best
         free = known.directions[:, weak]
         system = equations(matcher, patches, best.pose, offset, _SEARCH_POINTS)
-        level, decisive = levels(system, matcher.noise, 2.0)
+        level, decisive = levels(system, matcher.noise, _WEAK_LEVEL_FACTOR)
         sine_squared = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
         near = cKDTree(patches.centre).query_ball_point(patches.centre, _SURROUNDINGS_WIDTHS * patches.width)
         firm = decisive & (sine_squared < _MIN_WEAK_SINE_SQUARED)
         stays = np.array([np.mean(best.agrees[some][firm[some]]) if firm[some].any() else 0.0 for some in near])
-        some = np.flatnonzero(decisive & (sine_squared >= _MIN_WEAK_SINE_SQUARED) & (stays > 0.5))
+        tells = decisive & (sine_squared >= _MIN_WEAK_SINE_SQUARED) & (stays > _MIN_STABLE_SURROUNDINGS)
+        some = np.flatnonzero(tells)
         if len(some) < 2:
             return best
         matrices = np.einsum("ia,kij,jb->kab", free, system.matrix[some], free) / level[some, None, None]
         vectors = system.vector[some] @ free / level[some, None]
         rng = np.random.default_rng(0)
-        chosen = rng.integers(0, len(some), (_WEAK_TRIAL_COUNT, 3))
+        chosen = rng.integers(0, len(some), (_WEAK_TRIAL_COUNT, _WEAK_SAMPLE_SIZE))
         prior = np.eye(free.shape[1]) * 3 / offset**2
         steps = -np.linalg.solve(matrices[chosen].sum(axis=1) + prior, vectors[chosen].sum(axis=1)[:, :, None])[:, :, 0]
         motions = np.vstack([np.zeros((1, 6)), steps @ free.T])
         fit = np.maximum(1.0 - system.excess(motions)[some] / level[some, None], 0.0)
-        area = (patches.area[some] * sine_squared[some]) @ fit
+        weight = patches.area[some] * sine_squared[some]
+        area = weight @ fit
         first = int(np.argmax(area))
-        shared = (patches.area[some] * sine_squared[some]) @ ((fit > 0) & (fit[:, first] > 0)[:, None])
-        all_of = (patches.area[some] * sine_squared[some]) @ (fit > 0)
-        apart = shared < 0.5 * all_of
+        shared = weight @ ((fit > 0) & (fit[:, first] > 0)[:, None])
+        apart = shared < _MAX_SHARED_RATIO * (weight @ (fit > 0))
         rival = float(area[apart].max(initial=0.0))
-        if first and area[first] > 1.2 * area[0]:
+        if first and area[first] > _MIN_GAIN_RATIO * area[0]:
             pose = best.pose.moved(motions[first], matcher.radius)
             other = self.settled(np.ones(len(patches), dtype=bool), pose, FINAL_POINTS)
             # what slides must leave the rest as it was
-            best = other if other.area > 0.95 * best.area else best
+            best = other if other.area > _MIN_KEPT_AREA_RATIO * best.area else best
         if rival <= _MAX_RIVAL_AREA_RATIO * area[first]:
             return best
         known = best.information

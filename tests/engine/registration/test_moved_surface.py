@@ -57,7 +57,7 @@ def test_what_left_the_reach_of_the_comparison_counts_as_moved():
 @pytest.mark.parametrize(("share", "shift", "refused"), [(0.45, 1.6, True), (0.45, 0.6, False), (0.80, 1.6, False)])
 def test_a_part_beyond_the_largest_offset_is_no_stable_ground(share, shift, refused):
     """It may be what moved: only where nearly everything agrees are the surveys off by so much."""
-    judged = standing(part(share, shift, WEST, part(0.05, 0.1, EAST)))
+    judged = standing(part(share, shift, WEST, part(0.05, 0.1, EAST)), 5.0)
     assert judged.known
     if not refused:
         _require_expected(judged, RegistrationParameters())
@@ -67,7 +67,7 @@ def test_a_part_beyond_the_largest_offset_is_no_stable_ground(share, shift, refu
     _require_expected(judged, RegistrationParameters(maximum_offset=2.0))
     _require_expected(judged, RegistrationParameters(accept_unstable=True))
     with pytest.raises(InputError, match="maximum-offset"):  # without any other part, too
-        _require_expected(standing(part(share, shift, WEST)), RegistrationParameters())
+        _require_expected(standing(part(share, shift, WEST), 5.0), RegistrationParameters())
 
 
 def by(shift: float, sd: float, fixed: int = 6) -> Alignment:
@@ -95,7 +95,7 @@ def test_the_registration_by_all_ground_is_kept_where_it_is_surer(agree, all_gro
     places = np.random.default_rng(0).uniform(-5, 5, (50, 3))
     normals = np.tile([0.0, 0.0, 1.0], (50, 1))
     found = Measured(of_alignment(all_ground), SimpleNamespace(places=places, normals=normals), 0.002, 0.0)
-    judged = standing(part(0.45, 0.1, WEST))
+    judged = standing(part(0.45, 0.1, WEST), 5.0)
     area = np.ones(400)
     agrees = np.argsort(~WEST, kind="stable")[: round(400 * agree)]
     seen = PatchAgreement(area, np.isin(np.arange(400), agrees), area > 0, area < 0)
@@ -109,7 +109,7 @@ def test_the_registration_by_all_ground_is_kept_where_it_is_surer(agree, all_gro
 @pytest.mark.parametrize(("shares", "sd"), [((0.45, 0.40), 0.10), ((0.60, 0.24), 0.002)])
 def test_parts_within_the_scatter_are_covered_only_if_they_are_alike(monkeypatch, shares, sd):
     """Parts at 0.05 and 0.20 m, all ground at 0.10 m with a scatter of 0.09 m: a small other part is scatter."""
-    judged = standing(part(shares[0], 0.05, BLOCK, part(shares[1], 0.20, RING)))
+    judged = standing(part(shares[0], 0.05, BLOCK, part(shares[1], 0.20, RING)), 5.0)
     assert judged.contested
     quality = SimpleNamespace(places=np.zeros((50, 3)), normals=np.tile([0.0, 0.0, 1.0], (50, 1)), scale=0.09)
     quality.stable_share = 0.99

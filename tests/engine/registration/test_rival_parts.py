@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from slopewatch.engine.geometry.pose import Pose
@@ -10,7 +12,7 @@ from slopewatch.engine.registration.part_information import contradicting
 from slopewatch.engine.registration.patch_agreement import FINAL_POINTS
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.register import register
-from slopewatch.engine.registration.rival_parts import difference, refusal, standing
+from slopewatch.engine.registration.rival_parts import Evidence, Verdict, difference, refusal, standing, verdict
 from slopewatch.engine.registration.stable_patches import StablePart, _Task
 from slopewatch.engine.registration.surface import Surface
 from slopewatch.engine.registration.surface_patches import Equations, Patches, cut, equations
@@ -62,10 +64,55 @@ WEST, EAST = PLACES[:, 0] < 8, PLACES[:, 0] > 12
     ],
 )
 def test_a_part_is_known_by_its_size_and_by_what_lies_around_it(largest, second, where, known):
-    found = standing(part(largest, 0.1, where[0], part(second, 0.3, where[1])))
+    found = standing(part(largest, 0.1, where[0], part(second, 0.3, where[1])), 5.0)
     assert found.known is known
     assert not found.by_position
     assert found.contested is (not known and second > 0.1)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "seen"),
+    [
+        (Verdict.NEITHER, Evidence(0.19, 0.02)),
+        (Verdict.PART, Evidence(0.21, 0.09, "around", rose=True)),  # as much agrees by chance
+        (Verdict.OTHER_BY_POSITION, Evidence(0.48, 0.42, offset=0.8)),
+        (Verdict.UNDECIDED, Evidence(0.60, 0.30, offset=0.8)),
+        (Verdict.PART, Evidence(0.60, 0.30, offset=0.8, other_offset=0.3)),
+        (Verdict.PART_BY_POSITION, Evidence(0.80, 0.12, rose=True, other_offset=0.6)),
+        (Verdict.UNDECIDED, Evidence(0.80, 0.12, rose=True)),
+        (Verdict.UNDECIDED, Evidence(0.60, 0.30, "within", rose=True)),
+        (Verdict.PART, Evidence(0.80, 0.12)),
+        (Verdict.PART, Evidence(0.60, 0.11, "around")),
+        (Verdict.UNDECIDED, Evidence(0.60, 0.13, "around")),
+        (Verdict.PART, Evidence(0.39, 0.15)),
+        (Verdict.UNDECIDED, Evidence(0.39, 0.16)),
+        (Verdict.PART, Evidence(0.60, 0.32)),
+        (Verdict.UNDECIDED, Evidence(0.60, 0.34)),
+        (Verdict.PART, Evidence(0.55, 0.38, "within")),
+        (Verdict.UNDECIDED, Evidence(0.55, 0.39, "within")),
+        (Verdict.UNDECIDED, Evidence(0.45, 0.30, "within")),
+        (Verdict.PART_BY_POSITION, Evidence(0.48, 0.42, other_offset=0.8)),
+        (Verdict.UNDECIDED, Evidence(0.48, 0.42)),
+    ],
+)
+def test_each_row_of_the_table(wanted, seen):
+    assert verdict(seen) is wanted
+
+
+def raised(share: float, height: float, where: np.ndarray, other: StablePart | None = None) -> StablePart:
+    """A part that its pose lifts by a height."""
+    return replace(part(share, 0.0, where, other), pose=Pose(np.eye(3), np.array([0.0, 0.0, height])))
+
+
+@pytest.mark.parametrize(("height", "rose"), [(0.2, True), (-0.2, False), (0.002, False)])
+def test_a_block_that_sank_is_not_taken_for_the_ground_that_then_rose(height, rose):
+    """The larger part sank by ``height``. To lay it on the reference lifts what stayed, too."""
+    found = standing(raised(0.70, height, WEST, part(0.20, 0.0, EAST)), 5.0)
+    assert found.rose is rose
+    assert found.contested is rose
+    unsure = replace(OPEN, covariance=np.eye(6) * 0.2**2)
+    other = replace(part(0.20, 0.0, EAST), information=unsure)
+    assert not standing(raised(0.70, height, WEST, other), 5.0).rose
 
 
 def test_two_like_parts_are_told_apart_by_where_they_were_surveyed():
@@ -73,7 +120,7 @@ def test_two_like_parts_are_told_apart_by_where_they_were_surveyed():
     for moved, still in ((0.48, 0.42), (0.42, 0.48)):
         sides = [part(moved, 0.8, WEST), part(still, 0.05, EAST)]
         first, second = sorted(sides, key=lambda one: -one.share)
-        found = standing(StablePart(first.pose, first.patches, first.agrees, first.share, OPEN, second))
+        found = standing(StablePart(first.pose, first.patches, first.agrees, first.share, OPEN, second), 5.0)
         assert found.known
         assert found.by_position
         assert found.part.pose.translation[0] == pytest.approx(0.05)
@@ -82,7 +129,7 @@ def test_two_like_parts_are_told_apart_by_where_they_were_surveyed():
 
 
 def test_two_like_parts_near_where_they_were_surveyed_are_refused_with_both_named():
-    found = standing(part(0.45, 0.05, WEST, part(0.40, 0.20, EAST)))
+    found = standing(part(0.45, 0.05, WEST, part(0.40, 0.20, EAST)), 5.0)
     assert found.contested
     sentence = refusal(found)
     assert all(word in sentence for word in ("45%", "40%", "0.05 m", "0.20 m", "0.15 m apart", "--stable", "--accept"))
@@ -92,8 +139,8 @@ def test_two_like_parts_near_where_they_were_surveyed_are_refused_with_both_name
 def test_a_large_part_far_off_is_doubted_where_another_lies_as_surveyed():
     """As where most of a slope slid by 0.8 m as one."""
     for rival in (0.30, 0.12):
-        assert standing(part(0.60, 0.8, WEST, part(rival, 0.05, EAST))).contested
-    assert standing(part(0.60, 0.8, WEST, part(0.30, 0.60, EAST))).known  # a datum that is off takes all along
+        assert standing(part(0.60, 0.8, WEST, part(rival, 0.05, EAST)), 5.0).contested
+    assert standing(part(0.60, 0.8, WEST, part(0.30, 0.60, EAST)), 5.0).known  # a datum that is off takes all along
 
 
 def system(asked: np.ndarray) -> Equations:
