@@ -65,7 +65,7 @@ def _chosen(
     if on_patches is None:
         return _without_a_part(found, seen, parameters)
     judged = on_patches.standing
-    if judged.contested and _within_scatter(found, judged):
+    if judged.contested and _within_scatter(found, judged, on_patches.alignment.scale):
         if judged.rose or judged.part.rival > MAX_RIVAL_RATIO_BESIDE * judged.part.share:
             bend = found.solution.bend
             # the error of a bent survey covers what one motion leaves
@@ -92,16 +92,18 @@ def _agrees(found: Measured, seen: PatchAgreement) -> bool:
     return seen.share >= _MIN_AGREEING_SHARE
 
 
-def _within_scatter(found: Measured, judged: Standing) -> bool:
+def _within_scatter(found: Measured, judged: Standing, own_scale: float) -> bool:
     """Whether two parts differ by no more than points of the registration by all ground do, as on a bent survey.
 
-    Between two parts that leave nothing aside is a step, which is no bend.
+    Between two parts that leave nothing aside is a step, which is no bend and scatters points by itself. It is compared
+    with the noise of the part's points, ``own_scale`` (m).
     """
-    agrees = not found.solution.left and found.quality.stable_share >= _MIN_SHARE_OF_ALL_GROUND
+    if found.solution.left or found.quality.stable_share < _MIN_SHARE_OF_ALL_GROUND:
+        return False
     bend = found.solution.bend
+    scatter = found.quality.scale if bend is None else max(found.quality.scale, bend.before)
     step = judged.part.share + judged.part.rival >= _MIN_SHARE_OF_STEP
-    scatter = found.quality.scale if bend is None or step else max(found.quality.scale, bend.before)
-    return agrees and judged.apart <= STABLE_SCALES * scatter
+    return judged.apart <= STABLE_SCALES * (own_scale if step else scatter)
 
 
 def _farthest(alignment: Alignment, judged: Standing) -> Float:
