@@ -8,7 +8,7 @@ it: the other one then rose, and slopes sink and slide down. None of that is pro
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import Enum, auto
 from typing import NamedTuple
 
 import numpy as np
@@ -27,13 +27,13 @@ _AS_SURVEYED, _ASTRAY = (0.0, 0.25), (0.5, np.inf)  # metres
 
 
 class Verdict(Enum):
-    """What two parts say about which of them stayed."""
+    """Which of two parts stayed; by position: because it lies where it was surveyed; NEITHER: too small a part."""
 
-    PART = "the part stayed"
-    PART_BY_POSITION = "the part stayed, because it lies where it was surveyed"
-    OTHER_BY_POSITION = "the other one stayed, because it lies where it was surveyed"
-    NEITHER = "no part is large enough"
-    UNDECIDED = "each may have stayed"
+    PART = auto()
+    PART_BY_POSITION = auto()
+    OTHER_BY_POSITION = auto()
+    NEITHER = auto()
+    UNDECIDED = auto()
 
 
 class Evidence(NamedTuple):
@@ -210,6 +210,12 @@ def refusal(found: Standing) -> str:
     """The sentence that refuses surveys of which two parts contradict each other."""
     part, other = found.part, found.part.other
     assert other is not None
+    if found.rose:
+        return (
+            f"{part.share:.0%} of the surface agrees on one motion, but another {other.share:.0%} then rose against it "
+            f"(the motions are {found.apart:.2f} m apart), which slopes hardly do: the first part may have sunk; give "
+            "an area known to be stable (--stable), or --accept-unstable to go on with an error that covers both."
+        )
     return (
         f"No part of the surface is clearly the one that did not move: {part.share:.0%} of it agrees on one motion "
         f"({found.offset:.2f} m from where it was surveyed) and {other.share:.0%} on another ({found.other_offset:.2f} "

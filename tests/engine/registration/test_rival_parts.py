@@ -110,6 +110,8 @@ def test_a_block_that_sank_is_not_taken_for_the_ground_that_then_rose(height, ro
     found = standing(raised(0.70, height, WEST, part(0.20, 0.0, EAST)), 5.0)
     assert found.rose is rose
     assert found.contested is rose
+    if rose:
+        assert "20% then rose against it" in refusal(found)
     unsure = replace(OPEN, covariance=np.eye(6) * 0.2**2)
     other = replace(part(0.20, 0.0, EAST), information=unsure)
     assert not standing(raised(0.70, height, WEST, other), 5.0).rose
