@@ -69,8 +69,8 @@ def _chosen(
         if judged.rose or judged.part.rival > MAX_RIVAL_RATIO_BESIDE * judged.part.share:
             bend = found.solution.bend
             # the error of a bent survey covers what one motion leaves
-            worth = bend is not None and bend.worth
-            return found if worth else covering(found, _square(_farthest(alignment, judged)))
+            bent = bend is not None and bend.worth and not _is_step(judged)
+            return found if bent else covering(found, _square(_farthest(alignment, judged)))
         judged = replace(judged, known=True, contested=False)  # scatter makes small parts
     if judged.contested and not parameters.accept_unstable:
         raise InputError(refusal(judged))
@@ -95,15 +95,18 @@ def _agrees(found: Measured, seen: PatchAgreement) -> bool:
 def _within_scatter(found: Measured, judged: Standing, own_scale: float) -> bool:
     """Whether two parts differ by no more than points of the registration by all ground do, as on a bent survey.
 
-    Between two parts that leave nothing aside is a step, which is no bend and scatters points by itself. It is compared
-    with the noise of the part's points, ``own_scale`` (m).
+    A step scatters points by itself. It is compared with the noise of the part's points, ``own_scale`` (m).
     """
     if found.solution.left or found.quality.stable_share < _MIN_SHARE_OF_ALL_GROUND:
         return False
     bend = found.solution.bend
     scatter = found.quality.scale if bend is None else max(found.quality.scale, bend.before)
-    step = judged.part.share + judged.part.rival >= _MIN_SHARE_OF_STEP
-    return judged.apart <= STABLE_SCALES * (own_scale if step else scatter)
+    return judged.apart <= STABLE_SCALES * (own_scale if _is_step(judged) else scatter)
+
+
+def _is_step(judged: Standing) -> bool:
+    """Whether two parts leave nothing aside: between them is a step, which is no bend."""
+    return judged.part.share + judged.part.rival >= _MIN_SHARE_OF_STEP
 
 
 def _farthest(alignment: Alignment, judged: Standing) -> Float:

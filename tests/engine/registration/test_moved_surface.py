@@ -106,9 +106,12 @@ def test_the_registration_by_all_ground_is_kept_where_it_is_surer(agree, all_gro
         assert np.sqrt(result.solution.information.covariance[3, 3]) == pytest.approx(sd, rel=0.05)
 
 
-@pytest.mark.parametrize(("shares", "sd"), [((0.45, 0.40), 0.10), ((0.60, 0.24), 0.002)])
+@pytest.mark.parametrize(("shares", "sd"), [((0.45, 0.40), 0.10), ((0.60, 0.24), 0.002), ((0.50, 0.45), None)])
 def test_parts_within_the_scatter_are_covered_only_if_they_are_alike(monkeypatch, shares, sd):
-    """Parts at 0.05 and 0.20 m, all ground at 0.10 m with a scatter of 0.09 m: a small other part is scatter."""
+    """Parts at 0.05 and 0.20 m, all ground at 0.10 m with a scatter of 0.09 m: a small other part is scatter.
+
+    Two parts that leave nothing aside are a step, which is larger than their own noise of 0.01 m: refused.
+    """
     judged = standing(part(shares[0], 0.05, BLOCK, part(shares[1], 0.20, RING)), 5.0)
     assert judged.contested
     quality = SimpleNamespace(places=np.zeros((50, 3)), normals=np.tile([0.0, 0.0, 1.0], (50, 1)), scale=0.09)
@@ -121,6 +124,10 @@ def test_parts_within_the_scatter_are_covered_only_if_they_are_alike(monkeypatch
     )
     monkeypatch.setattr(moved_surface, "measured", lambda *_, **__: found)
     monkeypatch.setattr(moved_surface, "_kept", lambda *_: found)
+    if sd is None:
+        with pytest.raises(InputError, match="--stable"):
+            _chosen(found, all_ground, None, None, RegistrationParameters(), Progress())
+        return
     result = _chosen(found, all_ground, None, None, RegistrationParameters(), Progress())
     assert np.sqrt(result.solution.information.covariance[3, 3]) == pytest.approx(sd, rel=0.01)
 
