@@ -12,7 +12,8 @@ import numpy as np
 from pyproj import CRS
 
 from ..engine.core.errors import InputError
-from ..engine.core.input_files import refuse_unusable
+from ..engine.core.input_files import read_input, refuse_unusable
+from ..engine.core.json_shapes import parse_json
 from ..engine.core.json_values import plain
 from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
@@ -28,6 +29,7 @@ from ..engine.report.signed.write import write_pdf
 from ..engine.vector.geopackage import read_layer
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS, Layers, missed_lines
+from ..interface.input_files import RECORD
 from ..interface.parameters import DetailParameters, ReportParameters
 from .photos import enter_photos
 from .products.change import profile_products
@@ -116,8 +118,8 @@ def _place_of(path: Path) -> tuple[Path, str]:
 
 def _is_of_m3c2(record: Path) -> bool:
     try:
-        found = json.loads(record.read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # other files of that name are none of our business
+        found = parse_json(read_input(record, RECORD))
+    except (InputError, ValueError):  # other files of that name are none of our business
         return False
     return isinstance(found, dict) and found.get("command") == "m3c2"
 
