@@ -165,6 +165,7 @@ def _moved_case(first: Float, later: Float, motion: float) -> dict[str, Any]:
         "shown": {
             f"{s:g}": v.significant(0.99)[radius < _INNER].tolist() for s, v in zip(SIZES, found.by_width, strict=True)
         },
+        "beside": beside(first, later, found, moved(first, places, motion) - places),
     }
 
 
