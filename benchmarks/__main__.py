@@ -28,6 +28,7 @@ NAMES = {
     "unstable_series": "Registration of a published series of which most moves",
     "gridding": "Gridding",
     "m3c2": "M3C2",
+    "m3c2_zones": "Zones of M3C2 and the ranges of their volumes",
     "m3c2_level": "The level of detection of M3C2",
     "displacement": "Motion along the surface",
     "one_direction": "Motion where relief holds one direction only",

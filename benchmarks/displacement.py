@@ -27,9 +27,9 @@ from ..engine.displacement.vectors import Vectors
 from ..interface.parameters import DisplacementParameters, SurveyParameters
 from ..simulation.surveys.survey import simulate_pair
 from .chain import ground_of
-from .displacement_peers import seen_by_others, still_by_others
+from .displacement_peers import motion_by_others, seen_by_others
 from .displacement_real import REAL, real_pair
-from .displacement_rows import Windows, moving_rows, other_rows, still_rows, window_rows
+from .displacement_rows import OURS, REPORTED, Windows, beside_rows, moving_rows, other_rows, still_rows, window_rows
 from .displacement_scenes import bare_pair, changing_objects
 from .kept_cases import KeptCases
 from .table import Row, say
@@ -38,6 +38,7 @@ FIRST_SEED, PAIRS, BARE_MAPS, DENSE_MAPS, OBJECT_MAPS = 9, 8, 32, 2, 4
 MOTIONS_M = (0.05, 0.1, 0.2)
 POINTS_PER_M2, DENSE_POINTS_PER_M2 = 70.0, 200.0
 _AREA_M2 = 889.0  # of the slope on the map
+_APART_M = 6.0  # windows that are compared with others
 _HALF_AXES_M, _CORE, _INNER, _SOFT = (6.0, 4.0), 0.35, 0.6, 0.75
 SIZES = (5.0, 8.0)
 _TARGETS_MM = {5.0: (20.0, 27.0), 8.0: (12.0, 15.0)}
@@ -92,9 +93,14 @@ def rows(store: Path | None = None) -> list[Row]:
     zones = [case["still"]["zones"] for case in [*pairs, *bare]]
     dense = _bare(cases, DENSE_POINTS_PER_M2, DENSE_MAPS)
     found = [*still_rows(pairs, zones, _TARGETS_MM), *moving_rows(pairs), *other_rows(pairs)]
+    found += beside_rows("simulated, nothing moved", [pair["still"]["beside"] for pair in pairs])
+    for motion in map(str, MOTIONS_M):
+        name = f"simulated, {100 * float(motion):.0f} cm down the dip, all windows"
+        found += beside_rows(name, [pair["moved"][motion]["beside"] for pair in pairs])
+    found += beside_rows("bare relief, nothing moved", [m["still"]["beside"] for m in bare])
     for density, maps, target in ((POINTS_PER_M2, bare, None), (DENSE_POINTS_PER_M2, dense, _DENSE_TARGET_MM)):
-        for size in SIZES:
-            name = f"bare relief, {density:g} points/m²"
+        name = f"bare relief, {density:g} points/m²"
+        for size in (REPORTED, *SIZES):
             found += window_rows(name, size, [m["still"] for m in maps], target if size == SIZES[0] else None)
     return [*found, *_object_rows(cases), *_real_rows(cases)]
 
@@ -108,31 +114,47 @@ def _said(cases: KeptCases, name: str, measure: Any) -> Any:
 def pair_case(seed: int) -> dict[str, Any]:
     """A simulated pair: still, with the ellipse moved by each motion, and as others see it."""
     first, later = simulated(seed)
-    found: dict[str, Any] = {"still": still_case(first, later, np.zeros(3)), "moved": {}}
+    found: dict[str, Any] = {"still": still_case(first, later, np.zeros(3), others=True), "moved": {}}
     for motion in MOTIONS_M:
         found["moved"][str(motion)] = _moved_case(first, moved(first, later, motion), motion)
     found["others"] = seen_by_others(first, moved(first, later, MOTIONS_M[1]), radius_in_ellipse, _CORE)
-    found["others_still"] = still_by_others(first, later)
     return found
 
 
-def still_case(first: Float, later: Float, motion: Float) -> dict[str, Any]:
-    """The windows of both widths where all ground has moved by ``motion`` (3,), and the number of zones."""
+def still_case(first: Float, later: Float, motion: Float, *, others: bool = False) -> dict[str, Any]:
+    """The windows where all ground has moved by ``motion`` (3,), as reported and by width, and the number of zones."""
     began = time.process_time()
     found = measured(first, later)
     taken = time.process_time() - began
-    windows = {
-        f"{s:g}": compared(v, motion).as_lists() for s, v in zip(SIZES, found.by_width, strict=True)
-    }  # fmt: skip
+    by_name = {REPORTED: found.vectors} | {f"{s:g}": v for s, v in zip(SIZES, found.by_width, strict=True)}
+    windows = {name: compared(vectors, motion).as_lists() for name, vectors in by_name.items()}
     reported = [
         int(np.count_nonzero(part)) for part in (found.significant, beyond_chance(found), found.vectors.measured)
     ]
-    return {"windows": windows, "zones": len(found.zones), "reported": reported, "seconds": taken / _AREA_M2 * 1000}
+    kept = {"windows": windows, "zones": len(found.zones), "reported": reported, "seconds": taken / _AREA_M2 * 1000}
+    return kept | ({"beside": beside(first, later, found, np.tile(motion, (len(found.cell), 1)))} if others else {})
+
+
+def beside(first: Float, later: Float, found: Displacement, truth: Float) -> dict[str, list[list[float]]]:
+    """Errors (k, 2) along the dip and across it (m) of each method in the same windows, one each ``_APART_M``.
+
+    Args:
+        truth: (n, 3) motion at the windows' middles, metres.
+    """
+    vectors = found.vectors
+    square = np.floor(vectors.places[:, :2] / _APART_M).astype(np.int64)
+    measured_ones = np.flatnonzero(vectors.measured & (found.facet == 0))
+    use = measured_ones[np.unique(square[measured_ones], axis=0, return_index=True)[1]]
+    axes = vectors.axes[use, :2]
+    motions = {OURS: vectors.in_plane[use, :2]} | motion_by_others(first, later, vectors.places[use])
+    wanted = np.einsum("nij,nj->ni", axes, truth[use])
+    return {name: np.round(motion - wanted, 6).tolist() for name, motion in motions.items()}
 
 
 def _moved_case(first: Float, later: Float, motion: float) -> dict[str, Any]:
     found = measured(first, later)
-    radius, dip = radius_in_ellipse(found.vectors.places, first)
+    places = found.vectors.places
+    radius, dip = radius_in_ellipse(places, first)
     hits = [zone for zone in found.zones if (radius[zone.windows] < _INNER).any()]
     core = found.vectors.measured & (radius < _CORE) & found.significant
     off = replace(found.vectors, motion=found.vectors.motion - motion * dip).in_plane[core, :2]
@@ -143,6 +165,7 @@ def _moved_case(first: Float, later: Float, motion: float) -> dict[str, Any]:
         "shown": {
             f"{s:g}": v.significant(0.99)[radius < _INNER].tolist() for s, v in zip(SIZES, found.by_width, strict=True)
         },
+        "beside": beside(first, later, found, moved(first, places, motion) - places),
     }
 
 
@@ -150,7 +173,7 @@ def _bare(cases: KeptCases, points_per_m2: float, count: int) -> list[dict[str, 
     """Bare still maps, with the windows of both widths and the number of zones."""
 
     def measure(seed: int) -> dict[str, Any]:
-        return {"still": still_case(*bare_pair(seed, points_per_m2), np.zeros(3))}
+        return {"still": still_case(*bare_pair(seed, points_per_m2), np.zeros(3), others=True)}
 
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     return [
@@ -177,7 +200,7 @@ def _real_rows(cases: KeptCases) -> Iterator[Row]:
 
         def measure(number: int, ground: Any = ground) -> dict[str, Any]:
             pair = real_pair(ground, number)
-            found = still_case(pair.first, pair.later, pair.motion)
+            found = still_case(pair.first, pair.later, pair.motion, others=ground.extract)
             return found | {"points_per_m2": pair.points_per_m2, "motion": float(np.linalg.norm(pair.motion))}
 
         maps = [
@@ -186,8 +209,10 @@ def _real_rows(cases: KeptCases) -> Iterator[Row]:
         ]
         points = float(np.median([m["points_per_m2"] for m in maps]))
         name = f"{ground.name}, {points:.0f} ground points/m², moved by 0 to 20 cm, {len(maps)} times"
-        for size in SIZES:
+        for size in (REPORTED, *SIZES):
             yield from window_rows(name, size, maps, None)
+        if ground.extract:
+            yield from beside_rows(name, [m["beside"] for m in maps])
         zones = sum(m["zones"] > 0 for m in maps if not m["motion"])
         still = sum(not m["motion"] for m in maps)
         yield Row(f"{ground.name}: still maps with a zone", f"{zones} of {still}", "0", "", zones == 0)

@@ -18,10 +18,9 @@ from ..engine.m3c2.normals import fit_planes
 from ..interface.parameters import ChangeParameters
 
 _CYLINDER_RADIUS_M, _HALF_LENGTH_M, _NORMAL_RADIUS_M = 0.5, 1.0, 1.0
-_WINDOW_RADIUS_M, _LIMIT_M = 2.5, 1.0
+RADII_M, _LIMIT_M = (2.5, 4.0), 1.0  # of windows; of the motion that is looked for
 _PLANE_POINTS, _ROUNDS = 24, 20
 _POINTS_PER_M2, _STEP, _MIN_SEEN = 70.0, 3, 0.15  # of the ground; nodes to a cell; share of a window seen in both
-_EDGE_M, _APART_M = 3.0, 6.0  # of windows from the edge of the surveys, and from each other
 
 Radius = Callable[[Float, Float], tuple[Float, Float]]
 
@@ -36,27 +35,26 @@ def seen_by_others(first: Float, later: Float, radius: Radius, core: float) -> d
     inside = radius(places, first)[0] < core
     middle = first[radius(first, first)[0] < core]
     spread = middle[:: max(len(middle) // 200, 1)]
-    frame = find_facets(first).frames[0]
     return {
         "change of heights": float(np.median(change.dz[rows, columns][inside])),
         "M3C2": _m3c2(first, later, spread),
-        "plain correlation, along the dip": float(np.nanmedian(_correlations(first, later, frame, spread[::10])[:, 0])),
-        "patch-wise ICP, along the dip": float(np.median(_icps(first, later, frame, spread[::10])[:, 0])),
+    } | {
+        f"{name}, along the dip": float(np.nanmedian(motion[:, 0]))
+        for name, motion in motion_by_others(first, later, spread[::10]).items()
     }
 
 
-def still_by_others(first: Float, later: Float) -> dict[str, list[list[float]]]:
-    """Errors across and along the dip (m) of plain correlation and patch-wise ICP in windows of 5 m, nothing moved."""
+def motion_by_others(first: Float, later: Float, places: Float) -> dict[str, Float]:
+    """(n, 2) motion along the dip and across it, metres, at ``places`` (n, 3), by each method and width of windows.
+
+    NaN where plain correlation sees too little.
+    """
     frame = find_facets(first).frames[0]
-    flat = frame.to_plane(first)
-    inner = (flat[:, :2] > flat[:, :2].min(axis=0) + _EDGE_M) & (flat[:, :2] < flat[:, :2].max(axis=0) - _EDGE_M)
-    square = np.floor(flat[:, :2] / _APART_M).astype(np.int64)
-    _, one_each = np.unique(square[inner.all(axis=1)], axis=0, return_index=True)
-    places = first[inner.all(axis=1)][one_each]
-    return {
-        "plain correlation": _correlations(first, later, frame, places)[:, ::-1].tolist(),
-        "patch-wise ICP": _icps(first, later, frame, places)[:, 1::-1].tolist(),
-    }
+    found = {}
+    for radius in RADII_M:
+        found[f"plain correlation, {2 * radius:g} m"] = _correlations(first, later, frame, places, radius)
+        found[f"patch-wise ICP, {2 * radius:g} m"] = _icps(first, later, frame, places, radius)[:, :2]
+    return found
 
 
 def _m3c2(first: Float, later: Float, core: Float) -> float:
@@ -66,12 +64,12 @@ def _m3c2(first: Float, later: Float, core: Float) -> float:
     return float(np.nanmedian(found.distance))
 
 
-def _correlations(first: Float, later: Float, frame: Frame, places: Float) -> Float:
+def _correlations(first: Float, later: Float, frame: Frame, places: Float, radius: float) -> Float:
     """(n, 2) shift of best normalised correlation of heights without their plane, in windows around ``places`` (n, 3),
     to parts of a cell by a parabola, along the axes of the plane, metres.
     """
     flat = frame.to_plane(places)[:, :2]
-    reach = _WINDOW_RADIUS_M + _LIMIT_M + 1.0
+    reach = radius + _LIMIT_M + 1.0
     corner = flat.min(axis=0) - reach
     shape = tuple(int(n) for n in np.ceil((flat.max(axis=0) + reach - corner) / NODE_M) + 1)
     one, two = (
@@ -81,12 +79,13 @@ def _correlations(first: Float, later: Float, frame: Frame, places: Float) -> Fl
         for xyz in (first, later)
     )
     cell = _STEP * NODE_M
-    return np.array([cell * _best(one, two, place) for place in np.rint((flat - corner) / cell).astype(np.int64)])
+    middles = np.rint((flat - corner) / cell).astype(np.int64)
+    return np.array([cell * _best(one, two, middle, round(radius / cell)) for middle in middles])
 
 
-def _best(one: Float, two: Float, middle: Index) -> Float:
+def _best(one: Float, two: Float, middle: Index, half: int) -> Float:
     """(2,) cells by which ``two`` is shifted against ``one`` around a cell; NaN where too little is seen of both."""
-    half, limit = round(_WINDOW_RADIUS_M / (_STEP * NODE_M)), round(_LIMIT_M / (_STEP * NODE_M))
+    limit = round(_LIMIT_M / (_STEP * NODE_M))
     still = _without_plane(_part(one, middle, half))
     found = np.full((2 * limit + 1, 2 * limit + 1), -1.0)
     for shift in np.ndindex(*found.shape):
@@ -119,20 +118,21 @@ def _without_plane(values: Float) -> Float:
     return values - (design @ plane).reshape(values.shape)
 
 
-def _icps(first: Float, later: Float, frame: Frame, middles: Float) -> Float:
+def _icps(first: Float, later: Float, frame: Frame, middles: Float, radius: float) -> Float:
     """(n, 3) motion of patches along the axes of the plane by point-to-plane ICP with Tukey's weights."""
-    tree, flat = cKDTree(later), frame.to_plane(first)
+    tree, patches = cKDTree(later), cKDTree(frame.to_plane(first)[:, :2])
+    near = later[tree.query(later, k=_PLANE_POINTS)[1]]
+    centres = near.mean(axis=1)
+    off = near - centres[:, None]
+    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", off, off))[1][..., 0]
     found = []
-    for middle in middles:
-        patch = first[np.hypot(*(flat - frame.to_plane(middle[None]))[:, :2].T) < _WINDOW_RADIUS_M]
+    for middle in frame.to_plane(middles)[:, :2]:
+        patch = first[patches.query_ball_point(middle, radius)]
         motion = np.zeros(3)
         for _ in range(_ROUNDS):
-            near = later[tree.query(patch + motion, k=_PLANE_POINTS)[1]]
-            centre = near.mean(axis=1)
-            normal = np.linalg.eigh(np.einsum("nki,nkj->nij", near - centre[:, None], near - centre[:, None]))[1][
-                ..., 0
-            ]
-            residual = ((patch + motion - centre) * normal).sum(axis=1)
+            nearest = tree.query(patch + motion)[1]
+            normal = normals[nearest]
+            residual = ((patch + motion - centres[nearest]) * normal).sum(axis=1)
             scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-4)
             weight = np.where(np.abs(residual) < 5 * scale, (1 - (residual / (5 * scale)) ** 2) ** 2, 0.0)
             step = np.linalg.solve(normal.T @ (weight[:, None] * normal), normal.T @ (weight * residual))

@@ -13,7 +13,9 @@ from .options import ROI, Session, command, pair, path_option
 
 @click.command()
 @pair
-@path_option("--output", "The core points, NAME.laz; NAME_run.json is written next to it.", required=True)
+@path_option(
+    "--output", "The core points, NAME.laz; NAME_run.json and NAME_report.html are written next to it.", required=True
+)
 @path_option(
     "--output-dir",
     "Folder for the rasters and zones; created if missing.  [default: that of the core points]",

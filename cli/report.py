@@ -19,12 +19,13 @@ from .options import PATH, PROFILES_ALONG, Session, command, path_option
 )
 @command(*command_sets.REPORT, profile=False)
 def report(session: Session, folder: Path, profiles: Path | None, photos: Path | None) -> RunResult:
-    """Write the report of FOLDER again, which inspect, change, demchange, displacement, series or batch wrote.
+    """Write the report of FOLDER again, which inspect, change, demchange, displacement, series, m3c2 or batch wrote.
 
     With --profiles its profiles are replaced by those along the given lines and through the zones. With --photos
     pictures are copied into the folder and shown with the zones that they are named after. With --pdf the report is
     also written as a PDF to sign; what is said in it of slope, people and flights is kept in the folder. Of a folder
     that batch wrote it is the page of the corridor, and its PDF; profiles and photos belong to the folder of a slope.
+    Of several runs of m3c2 in one folder give the record, NAME_run.json.
     """
     from ..workflows.report_corridor import report_of_folder
 

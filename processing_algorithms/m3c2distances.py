@@ -79,6 +79,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
     }
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
+        "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
         "VOLUMES": ("m3c2_volumes", "Table of areas and volumes"),
         "FACE_PICTURE": ("m3c2_face", "Picture of the face"),
         "RUN_RECORD": ("run", "Run record"),

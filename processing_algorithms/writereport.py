@@ -39,7 +39,7 @@ class WriteReport(SlopeWatchAlgorithm):
                 "INPUT",
                 "Folder of results",
                 "Output folder of Inspect slope, Inspect series, Inspect corridor, Elevation change, Change of "
-                "elevation models or Displacement vectors. The report in it is replaced.",
+                "elevation models, Displacement vectors or M3C2 distances. The report in it is replaced.",
             ),
             declare.profiles_parameter(),
             declare.folder_parameter(

@@ -36,7 +36,7 @@ from .m3c2_clouds import Clouds, Cores, choose_cores, read_clouds, refuse_memory
 from .pair import SPOOL, dated_pair, stable_area
 from .products.change import Context
 from .products.m3c2 import MAPS, dimensions, main_figures, write_maps
-from .run import Run, record_name_of, report_name_of
+from .run import Run, pdf_name_of, record_name_of, report_name_of
 from .settings import DistanceSettings, groups
 from .topview import region_of
 
@@ -71,7 +71,7 @@ def m3c2_step(
     """Distances along the normal of ``moving`` from ``reference``, at core points, as rasters, and zones of change.
 
     Args:
-        output: the core points, .laz; ``NAME_run.json`` is written next to it.
+        output: the core points, .laz; ``NAME_run.json`` and its report are written next to it.
         raster_dir: folder of the rasters and zones; that of ``output`` by default.
         core: cloud of the core points; by default points of the reference, evenly spread.
         transform_path: transform.json to apply to ``moving`` first.
@@ -92,8 +92,8 @@ def m3c2_step(
     raster_dir = folder if raster_dir is None else raster_dir.absolute()
     layers = [("core", core), ("transform", transform_path), ("roi", roi), ("stable", stable)]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *layers]
-    run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones"), inputs, progress)
-    own = [output, *(folder / name for name in (record_name, report_name_of(record_name)))]
+    run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances", "zones", "details"), inputs, progress)
+    own = [output, *(folder / name for name in (record_name, report_name_of(record_name), pdf_name_of(record_name)))]
     run.refuse_outputs([*own, *(raster_dir / name for name in MAPS)])
     _check_given(parameters, core, stable, progress)
     check_pair(*epochs)

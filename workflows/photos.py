@@ -18,7 +18,7 @@ from ..interface.input_files import PHOTO as PICTURE_FILE
 from ..interface.reviews import PHOTO
 
 FOLDER = "photos"
-TABLES = ("zones.gpkg", "series.gpkg", "screened_zones.gpkg")
+TABLES = ("zones.gpkg", "series.gpkg", "screened_zones.gpkg", "m3c2_zones.gpkg")
 _LAYER = "zones"
 _PICTURES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"})
 _NAMED = 5  # in a message

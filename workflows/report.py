@@ -1,4 +1,4 @@
-"""``report``: the report of an output folder made again, with other profiles if wanted."""
+"""``report``: the report of a run made again, with other profiles if wanted."""
 
 from __future__ import annotations
 
@@ -12,24 +12,29 @@ import numpy as np
 from pyproj import CRS
 
 from ..engine.core.errors import InputError
-from ..engine.core.input_files import refuse_unusable
+from ..engine.core.input_files import read_input, refuse_unusable
+from ..engine.core.json_shapes import parse_json
 from ..engine.core.json_values import plain
+from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
 from ..engine.core.run_record import RunRecord
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import Stage, refuse_inputs_as_outputs, staged_outputs
 from ..engine.grid.geotiff import read_raster
-from ..engine.report.compose import REPORT, check_report, compose, read_record, write_report
+from ..engine.report.compose import check_report, compose, read_record, write_report
 from ..engine.report.signed.details import details_of
 from ..engine.report.signed.source import surveys_of
 from ..engine.report.signed.typesetting import refuse_without_means
-from ..engine.report.signed.write import PDF, write_pdf
+from ..engine.report.signed.write import write_pdf
 from ..engine.vector.geopackage import read_layer
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS, Layers, missed_lines
+from ..interface.input_files import RECORD
 from ..interface.parameters import DetailParameters, ReportParameters
 from .photos import enter_photos
 from .products.change import profile_products
+from .products.m3c2 import ZONES
+from .run import pdf_name_of, report_name_of
 
 _PROFILES = ("profiles.csv", "profiles.gpkg")
 _RASTERS = ("elevation_change", "level_of_detection", "significant_change")
@@ -44,9 +49,10 @@ def report_step(
     photos: Path | None = None,
     progress: Progress,
 ) -> RunResult:
-    """Make the report of ``folder`` again from its run record and its rasters.
+    """Make the report of a run again from its record and its rasters.
 
     Args:
+        folder: of the run, or its record; a folder without run.json is that of the only M3C2 record in it.
         details: of a report to sign; what is given in them replaces those in the run record, which keeps the others.
         profiles: vector file with lines. With it the folder's profiles are replaced by those along its lines and down
             the zones, and the run record lists them.
@@ -55,42 +61,73 @@ def report_step(
     Raises:
         InputError: the folder holds no run that has a report, the lines cannot be used, or the details do not fit.
     """
-    folder = Path(folder).absolute()
+    folder, name = _place_of(Path(folder).absolute())
     refuse_unusable([("profiles", profiles)])
-    record = read_record(folder)
+    record = read_record(folder, name)
+    results, page_name, pdf_name = _results_of(record, folder), report_name_of(name), pdf_name_of(name)
     changed = _take_details(record, details)
     if profiles is not None and not record.get("epochs"):
         raise InputError(
             f"{folder} holds no change between two surveys to take profiles of; give the folder of inspect or change."
         )
-    entered = {} if photos is None else {"photos": enter_photos(folder, photos, progress)}
+    entered = {} if photos is None else {"photos": enter_photos(results, photos, progress)}
     if profiles is None and not changed:
         progress.update(0.0, "drawing the report")
-        with staged_outputs(folder, last=REPORT) as stage:
-            write_report(folder, progress, stage.path(REPORT))
-        return RunResult({"report": folder / REPORT}, entered, tuple(progress.warnings))
-    written = [folder / name for name in (REPORT, PDF, *PROFILE_OUTPUTS, "run.json")]
+        with staged_outputs(folder, last=page_name) as stage:
+            write_report(folder, progress, stage.path(page_name), record=name, pictures=results)
+        return RunResult({"report": folder / page_name}, entered, tuple(progress.warnings))
+    written = [folder / each for each in (page_name, pdf_name, *PROFILE_OUTPUTS, name)]
     refuse_inputs_as_outputs(written, [profiles] if profiles else [])
     with staged_outputs(folder) as stage:
-        outputs = {"report": stage.final(REPORT)}
+        outputs = {"report": stage.final(page_name)}
         if profiles is not None:
             outputs |= _take_profiles(record, stage, parameters, profiles, progress)
         if changed:
-            outputs["report_pdf"] = stage.final(PDF)
-        record["outputs"] |= {name: path.name for name, path in outputs.items()}
+            outputs["report_pdf"] = stage.final(pdf_name)
+        record["outputs"] |= {key: path.name for key, path in outputs.items()}
         text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
-        stage.path("run.json").write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+        stage.path(name).write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
         progress.update(0.3, "drawing the report")
-        table, lines = ((stage.folder if profiles else folder) / name for name in _PROFILES)
-        page = compose(read_record(stage.folder), folder, table, progress=progress)
-        stage.path(REPORT).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
-        check_report(stage.path(REPORT))
+        table, lines = ((stage.folder if profiles else results) / each for each in _PROFILES)
+        page = compose(read_record(stage.folder, name), results, table, progress=progress)
+        stage.path(page_name).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
+        check_report(stage.path(page_name))
         if changed:
             progress.update(0.7, "drawing the report")
-            write_pdf(folder, record, page, target=stage.path(PDF), lines=lines, progress=progress)
+            write_pdf(results, record, page, target=stage.path(pdf_name), lines=lines, progress=progress)
         progress.update(1.0, "drawing the report")
     figures = {"profiles": len(record["profiles"])} if profiles is not None else {}
-    return RunResult(outputs | {"run": folder / "run.json"}, figures | entered, tuple(progress.warnings))
+    return RunResult(outputs | {"run": folder / name}, figures | entered, tuple(progress.warnings))
+
+
+def _place_of(path: Path) -> tuple[Path, str]:
+    """Folder and name of a run record, from either.
+
+    Raises:
+        InputError: the folder holds several of M3C2.
+    """
+    if path.is_file():
+        return path.parent, path.name
+    if (path / "run.json").is_file():
+        return path, "run.json"
+    found = [name.name for name in sorted(path.glob("*_run.json")) if _is_of_m3c2(name)]
+    if len(found) > 1:
+        raise InputError(f"{shown(path)} holds several runs of M3C2; give one of their records: {', '.join(found)}.")
+    return path, found[0] if found else "run.json"
+
+
+def _is_of_m3c2(record: Path) -> bool:
+    try:
+        found = parse_json(read_input(record, RECORD))
+    except (InputError, ValueError):  # other files of that name are none of our business
+        return False
+    return isinstance(found, dict) and found.get("command") == "m3c2"
+
+
+def _results_of(record: dict[str, Any], folder: Path) -> Path:
+    """Folder of what the report shows: that of the record, but M3C2 may have written its zones elsewhere."""
+    zones = Path(record["outputs"].get("m3c2_zones", ""))
+    return (folder / zones).parent if zones.name == ZONES else folder
 
 
 def _take_details(record: dict[str, Any], details: DetailParameters | None) -> bool:

@@ -64,7 +64,7 @@ def report_of_folder(
         InputError: as these do; or profiles or photos were given with a corridor.
     """
     folder = Path(folder).absolute()
-    record = corridor_record(folder)
+    record = None if folder.is_file() else corridor_record(folder)
     if record is None:
         return report_step(folder, parameters, details=details, profiles=profiles, photos=photos, progress=progress)
     if profiles is not None or photos is not None:

@@ -243,23 +243,21 @@ class Run:
             # The record promises the report, which is made of it, and is written again for the report's own stage.
             name = report_name_of(self._record_name)
             self.outputs["report"] = self.stage.final(name)
+            signed = pdf_name_of(self._record_name)
+            if self._to_be_signed:
+                self.outputs["report_pdf"] = self.stage.final(signed)
+            else:
+                self.stage.discard(signed)  # that of an earlier run
             self._save_record()
             shown = None if pictures is None else self.stage_in(pictures).folder
             with self.step("report", 0.99, 1.0, "drawing the report"):
                 folder, target = self.stage.folder, self.stage.path(name)
                 page = write_report(folder, self.progress, target, record=self._record_name, pictures=shown)
-                if name == REPORT:
-                    self._write_pdf(page)
+                if self._to_be_signed:
+                    record, words = read_record(folder, self._record_name), page.read_text(encoding="utf-8")
+                    pdf = self.stage.path(signed)
+                    write_pdf(shown or folder, record, words, target=pdf, progress=self.progress)
         self._save_record()
-
-    def _write_pdf(self, page: Path) -> None:
-        """The report to sign, if it is wanted; else that of an earlier run goes."""
-        if not self._to_be_signed:
-            self.stage.discard(PDF)
-            return
-        self.outputs["report_pdf"] = self.stage.final(PDF)
-        folder = self.stage.folder
-        write_pdf(folder, read_record(folder), page.read_text(encoding="utf-8"), progress=self.progress)
 
     def _save_record(self) -> None:
         self.record.write(self.stage.path(self._record_name), self.progress.warnings, self.outputs)
@@ -276,6 +274,11 @@ def _nothing() -> None:
 def report_name_of(record_name: str) -> str:
     """Name of the report that lies next to a run record."""
     return record_name.removesuffix("run.json") + REPORT
+
+
+def pdf_name_of(record_name: str) -> str:
+    """Name of the report to sign that lies next to a run record."""
+    return record_name.removesuffix("run.json") + PDF
 
 
 def record_name_of(output: Path) -> str:

@@ -75,6 +75,7 @@ class DistanceSettings:
     dates: DateParameters = field(default_factory=DateParameters)
     surface: SurfaceParameters = field(default_factory=SurfaceParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
+    details: DetailParameters = field(default_factory=DetailParameters)
 
 
 @dataclass(frozen=True)

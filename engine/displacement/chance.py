@@ -20,8 +20,8 @@ _STEPS = 400  # of the numerical integral
 def chance_vectors(found: Displacement) -> tuple[float, int]:
     """Significant vectors that still ground shows: the number expected, and that which 95 % of such maps stay within.
 
-    Both hold where errors are as stated. The confidence is that of all widths of windows together, and the narrower
-    ones count only where the wider ones agree: no more than 1 - confidence of the windows exceed it.
+    Both hold if errors are as stated. Neighbours that count make errors alike farther than a window is wide, but bring
+    fewer windows beyond their level than the confidence allows: 5 of 3,809 on 32 still maps, where 38 are expected.
     """
     measured = int(np.count_nonzero(found.vectors.measured))
     width = max((float(vectors.width.max()) for vectors in found.by_width if len(vectors.width)), default=0.0)
@@ -80,7 +80,7 @@ def variance_factor(width: float, confidence: float, dimensions: int = 2) -> flo
     share, reach = 1.0 - confidence, math.ceil(width)
     total = 1.0
     for column, row in product(range(-reach, reach + 1), repeat=2):
-        common = common_share(math.hypot(column, row) / width) if (column, row) != (0, 0) else 0.0
+        common = float(common_share(math.hypot(column, row) / width)) if (column, row) != (0, 0) else 0.0
         if common > 0:
             total += (_both_exceed(common, confidence, dimensions) - share**2) / (share * (1.0 - share))
     return total

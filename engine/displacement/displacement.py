@@ -22,13 +22,14 @@ from .gravity import is_uphill
 from .least_squares import Fit
 from .measure import Windows, judged
 from .near_ground import near_points
+from .neighbours import with_neighbours
 from .one_direction import Component
 from .reference import Reference
 from .registered import Registered
 from .status import Status
 from .stored_ground import Ground, bounds_of, parts_of
 from .surface import kernel_of
-from .vectors import CommonMotion, Vectors, common_motion, confidence_of_each, in_the_map, joined, with_error
+from .vectors import CommonMotion, Vectors, common_motion, in_the_map, with_error
 from .windows import Search, density, fitted_tiles, tiles
 from .zone_growth import moving_zones
 from .zones import Measured, MovingZone
@@ -52,7 +53,7 @@ class Displacement:
     Attributes:
         grid: of the windows' middles.
         cell: (n,) flat index in ``grid`` of each window.
-        vectors: (n windows), of whichever width tells more at each place; ``by_width`` are those of each width.
+        vectors: (n windows), of each window and its neighbours; ``by_width`` are the windows of each width alone.
         facet: (n,) facet of each window; ``facets`` are they.
         significant: (n,) whether a vector is significant; nowhere where the surveys are too sparse to say so.
         zones: what moves as one, largest first; ``doubtful`` what seems to move up the slope, and is no zone.
@@ -137,11 +138,10 @@ def measure_displacement(
     reference = Reference.of(registered, still or (common if parameters.subtract else None))
     error, taken_off = reference.at(places), reference.taken_off
     by_width = tuple(with_error(v, error, taken_off) for v in own)
-    each = confidence_of_each(parameters.vector_confidence, len(by_width))
-    vectors = joined(by_width, each)
+    vectors = with_error(with_neighbours(own, facet, facets.frames), error, taken_off)
     components = on_the_map(one_way, vectors, error, taken_off, parameters.vector_confidence)
     dense = points >= MIN_POINTS_PER_M2
-    significant = vectors.significant(each) & dense
+    significant = vectors.significant(parameters.vector_confidence) & dense
     independent = float(np.count_nonzero(own[0].measured | own[-1].measured) * overlap[0])
     columns = np.column_stack(np.divmod(cell, grid.columns)[::-1])
     columns[:, 1] = grid.rows - 1 - columns[:, 1]

@@ -157,8 +157,8 @@ def _sums(vectors: Vectors, use: Bool, frame: Frame, layout: Layout, error: Floa
             return
         disc = _disc(frame, layout.spacing, reach)
         total = mask_sums(score, disc)[at]
-        weight = _matrices(mask_sums(information, disc)[at])
-        spread = _matrices(_pair_sums(information, disc, frame, layout.spacing, width)[at])
+        weight = matrices_of(mask_sums(information, disc)[at])
+        spread = matrices_of(_pair_sums(information, disc, frame, layout.spacing, width)[at])
         back = np.linalg.inv(weight)
         motion = np.einsum("nij,nj->ni", back, total)
         statistic = squared_length(motion, back @ spread @ back + registered)
@@ -186,7 +186,7 @@ def _pair_sums(information: Float, disc: Bool, frame: Frame, spacing: float, wid
     reach = int(width / spacing)
     for column in range(reach + 1):
         for row in range(-reach if column else 1, reach + 1):
-            share = common_share(float(_distance(frame, np.array([column, row]) * spacing)) / width)
+            share = float(common_share(_distance(frame, np.array([column, row]) * spacing) / width))
             both = _overlap(disc, column, row)
             if share <= 0 or not both.any():
                 continue
@@ -217,12 +217,12 @@ def _pairs(shape: tuple[int, ...], column: int, row: int) -> tuple[tuple[slice, 
     )
 
 
-def common_share(distance: float) -> float:
-    """Share of a disc of diameter 1 that one at this distance has in common with it."""
-    near = min(distance, 1.0)
-    return float(2.0 / np.pi * (np.arccos(near) - near * np.sqrt(1.0 - near**2)))
+def common_share(distance: Float | float) -> Float:
+    """Share of a disc of diameter 1 that one at this distance (any shape) has in common with it."""
+    near = np.minimum(distance, 1.0)
+    return np.asarray(2.0 / np.pi * (np.arccos(near) - near * np.sqrt(1.0 - near**2)))
 
 
-def _matrices(values: Float) -> Float:
+def matrices_of(values: Float) -> Float:
     """(n, 2, 2) symmetric matrices from (n, 3) their parts."""
     return values[:, [[0, 1], [1, 2]]]

@@ -1,8 +1,7 @@
-"""Vectors over the map: windows of both widths joined, the registration's error added, the common motion known."""
+"""Vectors over the map, the registration's error added, and the motion that most of them share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -150,20 +149,6 @@ def likelihood_ratio(vectors: Vectors, motion: Float) -> Float:
     return found
 
 
-def narrower_tells(narrow: Vectors, wide: Vectors, confidence: float) -> Bool:
-    """(n,) at which places the narrower window counts: the wide one has no motion, or none that is significant while
-    the narrow one has, and rather moves with it than stands still.
-
-    To take the narrow one wherever it is significant would choose its largest errors.
-
-    Args:
-        confidence: of each of both.
-    """
-    alone = narrow.significant(confidence) & ~wide.significant(confidence)
-    agrees = likelihood_ratio(wide, narrow.in_plane[:, :2]) > 0
-    return np.asarray((alone & agrees) | (~wide.measured & narrow.measured))
-
-
 def chosen(take: Bool, one: Vectors, other: Vectors) -> Vectors:
     """``one`` at the places ``take`` (n,), the ``other`` elsewhere."""
     names = ("motion", "covariance", "status", "seen", "width")
@@ -174,18 +159,6 @@ def chosen(take: Bool, one: Vectors, other: Vectors) -> Vectors:
 def where(take: Bool, one: Float, other: Float) -> Float:
     """(n, ...) ``one`` at the places ``take`` (n,), the ``other`` elsewhere."""
     return np.where(take.reshape(-1, *[1] * (one.ndim - 1)), one, other)
-
-
-def joined(sizes: Sequence[Vectors], confidence: float) -> Vectors:
-    """Of each place the widest window, else a narrower one where that tells more.
-
-    Args:
-        confidence: of each width.
-    """
-    found = sizes[-1]
-    for narrower in reversed(sizes[:-1]):
-        found = chosen(narrower_tells(narrower, found, confidence), narrower, found)
-    return found
 
 
 def common_motion(vectors: Vectors, independent: float, among: Bool | None = None) -> CommonMotion | None:

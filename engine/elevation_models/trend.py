@@ -31,7 +31,6 @@ _BLOCKS = 12  # along the longer side of the map
 _MIN_BLOCK_CELLS = 25  # that are stable, of a block that counts
 _MIN_BLOCKS = 4 * _COLUMNS[BEND]
 _SUBSETS = 500  # of as many blocks as the design has columns; 58 of them hold no changed block if 30 % have changed
-_ROUNDS = 3  # of a fit and the ground that stands out from it
 _KEPT_DEVIATIONS = 2.5  # from a robust fit, of blocks that count in it (Rousseeuw 1984)
 _SIMULATED = 999
 _LARGEST_P = 0.005  # of each of the two tests: both find what is not there in 1 of 100 pairs
@@ -127,9 +126,7 @@ def find_trend(dz: Float, error: Float, slope: Float, given: Bool | None = None)
     stable = known if given is None else known & given
     for order in (TILT, BEND):
         blocks = _blocks(dz, stable)
-        for _ in range(_ROUNDS if given is None else 0):
-            if _too_little(blocks):
-                break
+        if given is None and not _too_little(blocks):
             left = dz - replace(found, polynomial=_robust(blocks, frame, order)).surface
             stable = stable_ground_of(left, error * nmad((left / error)[stable]), slope, None)
             blocks = _blocks(dz, stable)

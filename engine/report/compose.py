@@ -267,7 +267,7 @@ def _face_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
         },
         "most_zones": _MAX_ZONES,
         "zones_file": "m3c2_zones.gpkg",
-        "reviews": {},
+        "reviews": zone_reviews(folder / "m3c2_zones.gpkg"),
     }
 
 

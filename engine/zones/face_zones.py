@@ -9,7 +9,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
-from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import Delaunay, QhullError, cKDTree
 from scipy.special import ndtr
@@ -86,10 +85,10 @@ def _polygons(shapes: NDArray[np.object_]) -> NDArray[np.object_]:
 @dataclass(frozen=True)
 class FaceCells:
     """Cells of a face, arrays (rows, columns): means of the measured core points, or the nearest one up to a diagonal
-    away, NaN beyond. The distance is that at the cell's centre, linear between core points.
+    away, NaN beyond. The mean of the distances is weighted by the area that each acts on.
 
     ``distance`` and its standard ``error`` are in metres; it is not divided by the number of core points, because
-    neighbouring cylinders share their points. ``area`` is in m² (see ``_halfway``), 0 where a cell has no plane of its
+    neighbouring cylinders share their points. ``area`` is in m² (see ``Areas``), 0 where a cell has no plane of its
     own: its surface is too oblique (``MAX_OBLIQUE_DEG``), or one part of the face lies behind another, farther than a
     surface as oblique as that reaches from a cell to the next. ``left_out`` is the share of such core points.
     ``depth`` is how far the surface stands out from the plane, m; ``slope`` that of the normals, degrees; ``points``
@@ -120,28 +119,33 @@ class FaceCells:
         index = cell_index(local[:, :2], grid)
         # near the vertical and in overhangs, normals that point upwards are on either side of the face
         side = np.where(found.normal[here] @ face.axes[2] < 0.0, -1.0, 1.0)
-        normal, distance = found.normal[here] * side[:, None], found.distance[here] * side
-        values = np.column_stack([distance, local[:, 2], normal @ face.axes.T])
-        centres = _centres(grid)
-        between = _linear(local[:, :2], values, centres)
-        held, inside = _members(local[:, :2], index, centres, np.isfinite(between[:, 0]), cell)
-        share = np.bincount(inside, minlength=len(centres))
+        normal, distance = (found.normal[here] * side[:, None]) @ face.axes.T, found.distance[here] * side
+        areas = Areas.of(local, normal, found.reference.mean[here] * side, distance, cell)
+        held, inside = _members(local[:, :2], index, _centres(grid), areas.amid(_centres(grid)), cell)
+        cells = grid.rows * grid.columns
 
-        def mean(values: Float) -> Float:
+        def total(values: Float) -> Float:
+            return np.bincount(inside, values[held], cells).reshape(grid.shape).astype(np.float64, copy=False)
+
+        def mean(values: Float, weights: Float) -> Float:
             with np.errstate(invalid="ignore", divide="ignore"):
-                return np.asarray(np.bincount(inside, values[held], len(share)) / share).reshape(grid.shape)
+                return np.asarray(total(values * weights) / total(weights))
 
-        normals = np.stack([mean(normal[:, k]) for k in range(3)], axis=-1)
+        alike = np.ones(len(local))
+        # a core point that is a member of several cells has a part of its area in each
+        part = 1.0 / np.bincount(held, minlength=len(local))
+        normals = np.stack([mean(normal[:, k], alike) for k in range(3)], axis=-1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-            upright = normals @ face.axes[2]
-            # points of two cells that touch are at most two diagonals apart
-            alone = _step(index, local[:, 2], grid) <= np.sqrt(8.0) * cell * np.tan(np.radians(MAX_OBLIQUE_DEG))
-        between = between.reshape(*grid.shape, 5)
-        distance = np.where(np.isnan(between[..., 0]), mean(distance), between[..., 0])
-        area = _halfway(between[..., 1], between[..., 2:], distance, cell)
+            upright = normals[..., 2] / np.linalg.norm(normals, axis=-1)
+            alone = _step(index, local[:, 2], grid) <= _apart(cell) * np.tan(np.radians(MAX_OBLIQUE_DEG))
+            whole = cell**2 * total(areas.acted_on) / total(areas.in_plane)
+        # the triangles end within the cells beside those without core points
+        amid = minimum_filter(total(alike) > 0, 3, mode="constant", cval=False)
+        area = np.where(amid, total(areas.acted_on * part), whole)
         area = np.where(np.isnan(area), cell**2 / upright, area)
         area = np.where(alone & (upright >= np.cos(np.radians(MAX_OBLIQUE_DEG))), area, 0.0)
+        distance = mean(distance, np.maximum(areas.acted_on, 1e-9 * cell**2) * part)
+        steep = slope_of(normals.reshape(-1, 3) @ face.axes).reshape(grid.shape)
         plants = plant_error(found, np.flatnonzero(here))
         fewest = np.minimum(found.reference.count, found.moving.count)[here].astype(np.float64)
         return cls(
@@ -149,12 +153,12 @@ class FaceCells:
             local,
             grid,
             np.where(area > 0, distance, np.nan),
-            np.where(area > 0, mean(found.level[here]) / quantile(found.confidence), np.nan),
+            np.where(area > 0, mean(found.level[here], alike) / quantile(found.confidence), np.nan),
             area,
-            mean(local[:, 2]),
-            slope_of(normals.reshape(-1, 3)).reshape(grid.shape),
-            np.nan_to_num(mean(fewest)).astype(np.int64),
-            None if plants is None else found.plants_factor * mean(plants),
+            mean(local[:, 2], alike),
+            steep,
+            np.nan_to_num(mean(fewest, alike)).astype(np.int64),
+            None if plants is None else found.plants_factor * mean(plants, alike),
             float(np.mean(area.ravel()[index] == 0.0)),
         )
 
@@ -178,14 +182,6 @@ def _centres(grid: Grid) -> Float:
     return np.column_stack([grid.west + (column + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell])
 
 
-def _linear(places: Float, values: Float, centres: Float) -> Float:
-    """Values (n, k) at places (n, 2), linear between them at centres (m, 2); NaN beyond."""
-    try:
-        return np.asarray(LinearNDInterpolator(Delaunay(places), values)(centres))
-    except QhullError:  # few core points, or all on a line
-        return np.full((len(centres), values.shape[1]), np.nan)
-
-
 def _members(places: Float, index: Index, centres: Float, amid: Bool, cell: float) -> tuple[Index, Index]:
     """(m,) core points, and the cell that each is a member of.
 
@@ -200,27 +196,60 @@ def _members(places: Float, index: Index, centres: Float, amid: Bool, cell: floa
     return np.append(np.arange(len(index)), nearest[taken]), np.append(index, taken)
 
 
-def _halfway(depth: Float, normals: Float, distance: Float, cell: float) -> Float:
-    """Area (rows, columns), m², that a distance along the mean normals passes through in each cell; NaN at a rim.
+def _apart(cell: float, between: int = 0) -> float:
+    """How far apart in the plane core points of two cells that touch are at most, or with so many ``between``, m."""
+    return float(np.sqrt(2.0)) * (2 + between) * cell
 
-    On the surface it is the scalar product of the mean normal and the vector of the area: noise tilts normals, which
-    makes distances longer and this product smaller by as much. Halfway to the other surface it is larger where the
-    surface bulges towards that, by the mean curvature times the distance (Steiner's formula for parallel surfaces).
+
+@dataclass(frozen=True)
+class Areas:
+    """What the distances act on: ``acted_on`` (n,) m² of each core point, and its part ``in_plane`` (n,) m² of the
+    plane. ``net`` are triangles between the core points, of which those between near ones count.
+
+    The sum of distance times area is the volume between the two surfaces that the triangles make, each through the
+    means of one survey's cylinders. That holds on rough faces and where normals are noisy or cross, because each
+    triangle sweeps the mean motion of its corners times its mean vector of area on the way.
+    """
+
+    acted_on: Float
+    in_plane: Float
+    net: Delaunay | None
+
+    @classmethod
+    def of(cls, local: Float, normal: Float, mean: Float, distance: Float, cell: float) -> Areas:
+        """Args: core points and normals (n, 3); along these the mean of the reference and the distance (n,), m."""
+        count = len(local)
+        try:
+            net = Delaunay(local[:, :2])
+        except QhullError:  # few core points, or all on a line
+            return cls(np.zeros(count), np.zeros(count), None)
+        corners = net.simplices
+        sides = local[corners] - local[np.roll(corners, 1, axis=1)]
+        corners = corners[np.linalg.norm(sides[..., :2], axis=-1).max(axis=1) <= _apart(cell, between=1)]
+        plane = _swept(corners, local, np.zeros((count, 3)))[:, 2]
+        across = _swept(corners, local + mean[:, None] * normal, distance[:, None] * normal)
+        across *= np.sign(plane)[:, None]
+
+        def third(values: Float) -> Float:
+            return np.bincount(corners.ravel(), np.repeat(values / 3.0, 3), count).astype(np.float64, copy=False)
+
+        acted_on = np.sum([third(across[:, k]) * normal[:, k] for k in range(3)], axis=0)
+        return cls(acted_on, third(np.abs(plane)), net)
+
+    def amid(self, places: Float) -> Bool:
+        """Which places (m, 2) of the plane lie amid the core points."""
+        return np.zeros(len(places), dtype=np.bool_) if self.net is None else self.net.find_simplex(places) >= 0
+
+
+def _swept(corners: Index, base: Float, moved: Float) -> Float:
+    """Vectors (k, 3) of the areas of triangles (k, 3) of points, in the mean of their way, m².
 
     Args:
-        depth: of the surface at the cells' centres, m over the plane along whose axes the ``normals`` (rows, columns,
-            3) are.
+        base, moved: (n, 3) where the points are at first, and how they move.
     """
-    if min(depth.shape) < 2:
-        return np.full(depth.shape, np.nan)
-
-    def rises(values: Float) -> tuple[Float, Float]:
-        return np.gradient(values, cell, axis=1), -np.gradient(values, cell, axis=0)
-
-    along, up = rises(depth)
-    on_the_surface = normals[..., 2] - normals[..., 0] * along - normals[..., 1] * up
-    curvature = (rises(normals[..., 0])[0] + rises(normals[..., 1])[1]) / 2.0
-    return np.asarray(cell**2 * on_the_surface * (1.0 + curvature * distance))
+    first, second, third = corners.T
+    (a, b), (c, d) = ((of[second] - of[first], of[third] - of[first]) for of in (base, moved))
+    return np.asarray(np.cross(a, b) / 2 + (np.cross(a, d) + np.cross(c, b)) / 4 + np.cross(c, d) / 6)
 
 
 def _by_the_edge(face: FaceCells) -> Float:

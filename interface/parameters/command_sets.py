@@ -44,7 +44,7 @@ GROUND: Sets = (InputParameters, GroundParameters)
 REGISTER: Sets = (InputParameters, SurfaceParameters, RegistrationParameters)
 CHANGE: Sets = (*_READ, SurfaceParameters, *_CHANGE, *_RELATED, *_SHOWN)
 DEMCHANGE: Sets = (InputParameters, ModelParameters, ZoneParameters, *_RELATED, *_SHOWN)
-M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters, ZoneParameters)
+M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters, ZoneParameters, DetailParameters)
 """``slopewatch m3c2`` also takes OutputParameters."""
 DISPLACEMENT: Sets = (
     *_READ, SurfaceParameters, DisplacementParameters, MotionMemoryParameters, RoadParameters, OutputParameters

@@ -23,8 +23,8 @@ class DisplacementParameters(ParameterSet, record_name="displacement"):
     wide_window: float = _parameter(
         8.0,
         "Wide window",
-        "Width of the windows that are taken where those of the width above show no motion. Larger finds slower "
-        "motion of larger areas. Not wider than the window above: not used.",
+        "Width of the windows with which zones are found. A vector counts all windows that touch the wide one at its "
+        "place. Larger finds slower motion of larger areas. Not wider than the window above: not used.",
         unit="m",
         bounds=(1.0, 100.0),
     )

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.benchmarks.displacement_rows import Windows, moving_rows, other_rows, still_rows, window_rows
+from slopewatch.benchmarks.displacement_rows import Windows, beside_rows, moving_rows, still_rows, window_rows
 
 
 def still(error: list[list[float]], stated: float, usable: float = 0.5, zones: int = 0) -> dict:
     found = np.array(error)
     windows = Windows(found, np.full(found.shape, stated), ((found / stated) ** 2).sum(axis=1), usable).as_lists()
-    return {"windows": {"5": windows, "8": windows}, "zones": zones, "reported": [1, 0, 50], "seconds": 2.0}
+    return {
+        "windows": {"reported": windows, "5": windows, "8": windows},
+        "zones": zones,
+        "reported": [1, 0, 50],
+        "seconds": 2.0,
+    }
 
 
 def test_errors_and_their_honesty_are_of_all_windows_of_all_maps():
@@ -51,11 +56,20 @@ def test_vectors_that_are_wrong_in_the_core_are_counted(core, wrong):
     assert rows["10 cm down the dip: windows of 8 m that show it"].met is True
 
 
-def test_windows_without_an_answer_of_others_are_counted_out():
-    errors = [[0.03, 0.0], [0.0, 0.04], [float("nan"), float("nan")], [0.12, 0.0]]
-    pairs = [{"others": {"M3C2": 0.01}, "others_still": {"ICP": errors}}]
-    median, still = other_rows(pairs)
-    assert median.value == "+1.0 cm"
-    assert "(3 of 4)" in still.figure
-    assert still.value == "71.4 / 23.1 mm"
-    assert still.peer.startswith("33.3 % wrong")
+def test_all_methods_are_compared_in_the_same_windows_with_the_best_width_of_icp():
+    nothing = [float("nan"), float("nan")]
+    cases = [
+        {"displacement": [[0.01, 0.0]], "patch-wise ICP, 5 m": [[0.03, 0.0]], "patch-wise ICP, 8 m": [[0.015, 0.0]],
+         "plain correlation, 5 m": [nothing]},
+        {"displacement": [[0.0, 0.01]], "patch-wise ICP, 5 m": [[0.0, 0.03]], "patch-wise ICP, 8 m": [[0.0, 0.015]],
+         "plain correlation, 5 m": [[0.12, 0.0]]},
+    ]  # fmt: skip
+    ours, narrow, wide, correlation = beside_rows("x", cases)
+    assert (ours.value, ours.met) == ("7.1 mm", True)
+    assert ours.peer.startswith("0.67 x")
+    assert narrow.peer.startswith("2.00 x")
+    assert wide.peer.startswith("1.00 x")
+    assert correlation.value == "84.9 mm"
+    assert "100.0 % wrong" in correlation.peer
+    (worse,) = [row for row in beside_rows("x", [cases[1] | {"displacement": [[0.013, 0.0]]}]) if row.met is not None]
+    assert worse.met is False

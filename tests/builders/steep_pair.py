@@ -11,7 +11,7 @@ import pytest
 import shapely
 from pyproj import CRS
 from slopewatch.engine.core.progress import Progress
-from slopewatch.interface.parameters import DistanceParameters, InputParameters
+from slopewatch.interface.parameters import DetailParameters, DistanceParameters, InputParameters
 from slopewatch.workflows.m3c2 import m3c2_step
 from slopewatch.workflows.settings import DistanceSettings
 
@@ -64,7 +64,8 @@ def pair(tmp_path_factory) -> tuple[Path, Path]:
     )
 
 
-def run(first, second, output, *, progress=None, crs="", height_unit="auto", **given):
+def run(first, second, output, *, progress=None, crs="", height_unit="auto", details=None, **given):
     options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "roi", "stable")}
-    settings = DistanceSettings(InputParameters(crs=crs, height_unit=height_unit), DistanceParameters(**given))
+    inputs, details = InputParameters(crs=crs, height_unit=height_unit), details or DetailParameters()
+    settings = DistanceSettings(inputs, DistanceParameters(**given), details=details)
     return m3c2_step(first, second, output, settings, dates=(None, None), progress=progress or Progress(), **options)

@@ -159,7 +159,7 @@ def vectors_layer(found: Displacement, use: Bool, crs: CRS) -> gpd.GeoDataFrame:
         "along_dip_err_m": errors[:, 0],
         "across_err_m": errors[:, 1],
         "normal_err_m": errors[:, 2],
-        "p_value": vectors.p_value(len(found.by_width))[use],
+        "p_value": vectors.p_value(1)[use],
         "window_m": vectors.width[use],
         "seen_share": vectors.seen[use],
         "doubtful": found.uphill[use].astype(np.int64),

@@ -37,7 +37,7 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     picture = parts.screened_slope(source, layers, parts.map_size(source)) if source.is_screening else b""
     if motion is not None:
         picture = content_of(motion.map)
-    if source.is_series and surface is None:
+    if source.is_face or (source.is_series and surface is None):
         picture = parts.whole_slope(source)
     picture = picture or slope_map(surface, replace(layers, lines=named), *parts.map_size(source))
     document.blocks.append(parts.first_page(document, source, picture))
@@ -51,7 +51,7 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
         document.blocks += _along_lines(document, surface, lines, source.ends)
     if motion is not None:
         document.blocks += motion_details(document, motion)
-    above = [] if source.is_series and surface is None else parts.pictures(document, source)
+    above = [] if source.is_face or (source.is_series and surface is None) else parts.pictures(document, source)
     measured = surveyed(source.record, source.details)
     document.blocks += [*above, *measured] if source.is_series else [*measured, *above]
     document.blocks += parts.screened(document, source)

@@ -26,9 +26,10 @@ _CRITERIA = (
 
 def explained(record: Mapping[str, Any], *, has_screened: bool) -> list[Block]:
     """Terms with the figures of this run, and of a series the table of alerts."""
-    compared = bool(record.get("epochs")) or record["command"] == "series"
+    face = record["command"] == "m3c2"
+    compared = bool(record.get("epochs")) or face or record["command"] == "series"
     zones = (record.get("parameters", {}).get("zones") or {}) if compared else {}
-    rows = [*_level(record), *_zones(zones, series=bool(record.get("alerts")))]
+    rows = [*_level(record), *_zones(zones, series=bool(record.get("alerts")), face=face)]
     if has_screened:
         rows += _screened(record, compared=compared)
     made: list[Block] = []
@@ -52,6 +53,12 @@ def _level(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     if value_of(metrics, "lod_median_m") is None:
         return []
     sure = percent(metrics, "confidence") if value_of(metrics, "confidence") is not None else "95\u00a0%"
+    if record["command"] == "m3c2":
+        words = say(
+            f"The distance that the points of both cylinders, their scatter, plants and the registration could make "
+            f"alone, at {sure} confidence; its median here is {figure(metrics, 'lod_median_m', 'm')}."
+        )
+        return [(say("Level of detection"), words)]
     words = say(
         f"The change that the points of a cell, their scatter, plants and the registration could make alone, at {sure} "
         f"confidence; its median here is {figure(metrics, 'lod_median_m', 'm')}. Each cell has its own level."
@@ -59,15 +66,18 @@ def _level(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(say("Level of detection"), words)]
 
 
-def _zones(parameters: Mapping[str, Any], *, series: bool) -> list[tuple[str, str]]:
+def _zones(parameters: Mapping[str, Any], *, series: bool, face: bool) -> list[tuple[str, str]]:
     if not parameters:
         return []
     area, cells = figure(parameters, "minimum_area", "m²", 2), figure(parameters, "minimum_cells", digits=0)
+    zone = say(f"Adjoining cells beyond their level of detection, together at least {area} and {cells} cells.")
+    if face:
+        zone = say(
+            f"Adjoining cells of the face, of which one in twenty is unchanged at most, together at least {area} and "
+            f"{cells} cells."
+        )
     rows = [
-        (
-            say("Zone"),
-            say(f"Adjoining cells beyond their level of detection, together at least {area} and {cells} cells."),
-        ),
+        (say("Zone"), zone),
         (
             say("Net volume"),
             say(

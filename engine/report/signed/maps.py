@@ -127,7 +127,7 @@ def _map(
     if surface is not None and surface.limit is not None:
         values = np.linspace(-surface.limit, surface.limit, 401)
         draw_signed_bar(sheet, (bar_at, low + 0.42, 1.5, 0.1), diverging_colours(values, surface.limit), surface.limit)
-        sheet.text(bar_at + 0.75, low + 0.61, say("Elevation change (m)"), ha="center")
+        sheet.text(bar_at + 0.75, low + 0.61, say(surface.legend), ha="center")
     keys = _keys(layers)
     places = [_key_place(number, width) for number in range(len(keys) + 1)]
     for (words, colour), place in zip(keys, places, strict=False):

@@ -298,7 +298,9 @@ def whole_slope(source: Source) -> bytes:
 
 def _whole_slope(source: Source) -> Picture | None:
     name, words = "series.png", "Map of the velocity of each cell, with the zones in the colours of their alert levels"
-    if not source.is_series:
+    if source.is_face:
+        name, words = "m3c2_face.png", "Distances on the face, seen square to its plane"
+    elif not source.is_series:
         name, words = "heatmap.png", "The change, half-transparent over the later survey from above"
     return photograph(source.folder / name, say(words), 1000)
 

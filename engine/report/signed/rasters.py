@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from ....interface.seen import RASTER
 from ...grid.grid import Grid
-from ...grid.listed_raster import read_listed
+from ...grid.listed_raster import ListedRasters, read_listed
 from ...maps import opacity_band
 from ...maps.heatmap_image import Unseen
 from ...maps.palette import BELOW_LEVEL, colour_limit, diverging_colours
@@ -37,7 +37,8 @@ _VEIL = 0.15
 
 @dataclass(frozen=True)
 class Surface:
-    """The change on its grid with the later survey's heights under it, as ``layers``; ``limit`` of the colours, metres.
+    """The change on its grid with the later survey's heights under it, as ``layers``; ``limit`` of the colours, metres,
+    and what they mean as ``legend``.
 
     ``heights`` says whether they are known: a series keeps only the change. Maps hatch the cells that are ``unseen``.
     """
@@ -46,6 +47,7 @@ class Surface:
     limit: float
     heights: bool
     unseen: Unseen | None = None
+    legend: str = "Elevation change (m)"
 
     @property
     def grid(self) -> Grid:
@@ -116,7 +118,10 @@ class Surface:
 
 
 def surface_of(record: Mapping[str, Any], folder: Path) -> Surface | None:
-    """The surface of a change, or of a series' last survey against its first; None where its rasters are not kept."""
+    """The surface of a change, of distances along the normals, or of a series' last survey against its first.
+
+    None where its rasters are not kept.
+    """
     if record.get("epochs"):
         change, level, beyond = (
             folder / f"{n}.tif" for n in ("elevation_change", "level_of_detection", "significant_change")
@@ -131,6 +136,14 @@ def surface_of(record: Mapping[str, Any], folder: Path) -> Surface | None:
         limit = float(record["colour_limit_m"])
         layers = Layers(rasters.grid, height_from, height_to, dz, rasters.values[1], significant, rasters.layout)
         return Surface(layers, limit, heights=True, unseen=read_unseen(folder / RASTER))
+    if record["command"] == "m3c2":
+        names = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
+        paths = [folder / f"{name}.tif" for name in names]
+        if not all(path.is_file() for path in paths):
+            return None
+        rasters = read_listed([(path, 1) for path in paths])
+        surface = _without_heights(rasters, np.isfinite(rasters.values[2]), float(record["colour_limit_m"]))
+        return replace(surface, legend="Distance along the normal (m)")
     return _series_surface(record, folder)
 
 
@@ -146,10 +159,17 @@ def _series_surface(record: Mapping[str, Any], folder: Path) -> Surface | None:
     significant = opacity > (opacity_band.OPAQUE + opacity_band.WITHIN) / 2
     known = level[np.isfinite(level)]
     limit = colour_limit(dz[significant], level=float(np.median(known)) if known.size else 0.1)
+    seen = inside(folder, record["outputs"].get(f"cumulative_seen_{number:03d}", ""))
+    return _without_heights(rasters, significant, limit, None if seen is None else read_unseen(seen))
+
+
+def _without_heights(
+    rasters: ListedRasters, significant: NDArray[np.bool_], limit: float, unseen: Unseen | None = None
+) -> Surface:
+    dz, level = rasters.values[:2]
     nothing = np.full_like(dz, np.nan)
     layers = Layers(rasters.grid, nothing, nothing, dz, level, significant, rasters.layout)
-    seen = inside(folder, record["outputs"].get(f"cumulative_seen_{number:03d}", ""))
-    return Surface(layers, limit, heights=False, unseen=None if seen is None else read_unseen(seen))
+    return Surface(layers, limit, heights=False, unseen=unseen)
 
 
 def _dense(layers: Layers, values: NDArray[np.floating], window: tuple[slice, slice]) -> NDArray[np.float64]:

@@ -35,6 +35,7 @@ class ScreenedRelief:
     image: NDArray[np.uint8]
     grid: Grid
     limit: None = None
+    legend: str = ""
     """It has no scale of colours."""
     unseen: None = None
     """Nothing of it was compared."""

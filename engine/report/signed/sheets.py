@@ -60,7 +60,8 @@ def zone_sheets(document: Document, of: Zones) -> list[Block]:
     """The sheets of the first ``MOST_SHEETS`` zones."""
     shown = of.shown
     sections: Sequence[Section | None] = [None] * len(shown)
-    if of.surface is not None and len(shown):
+    # a section of the map does not show a face, which may be a wall
+    if of.surface is not None and len(shown) and of.record["command"] != "m3c2":
         sections = zone_sections(of.surface, shown)
     made = []
     for number, (row, section) in enumerate(zip(shown.to_dict("records"), sections, strict=True)):

@@ -44,7 +44,12 @@ class Source:
     @property
     def is_screening(self) -> bool:
         """Of one survey."""
-        return not self.is_series and not self.is_motion and not self.record.get("epochs")
+        return not (self.is_series or self.is_motion or self.is_face or self.record.get("epochs"))
+
+    @property
+    def is_face(self) -> bool:
+        """Of distances along the normals of a face."""
+        return bool(self.record["command"] == "m3c2")
 
     @property
     def is_motion(self) -> bool:
@@ -63,7 +68,7 @@ def read_source(record: Mapping[str, Any], folder: Path, words: PageWords) -> So
     Raises:
         InputError: one of them cannot be read, or the details do not fit the surveys.
     """
-    name = "series.gpkg" if record["command"] == "series" else "zones.gpkg"
+    name = zones_file(record)
     zones, screened = _table(folder / name), _table(folder / "screened_zones.gpkg")
     surveys = surveys_of(record)
     return Source(
@@ -80,6 +85,11 @@ def read_source(record: Mapping[str, Any], folder: Path, words: PageWords) -> So
     )
 
 
+def zones_file(record: Mapping[str, Any]) -> str:
+    """Name of the file of zones that a run of its command writes."""
+    return {"series": "series.gpkg", "m3c2": "m3c2_zones.gpkg"}.get(record["command"], "zones.gpkg")
+
+
 def surveys_of(record: Mapping[str, Any]) -> tuple[str, ...]:
     """The names of the surveys of a run record, the earliest first."""
     surveys = [str(epoch["name"]) for epoch in record.get("epochs") or []]
@@ -89,7 +99,7 @@ def surveys_of(record: Mapping[str, Any]) -> tuple[str, ...]:
 
 def map_layers(source: Source) -> MapLayers:
     """What the maps show of a folder: zones, screened zones, footprints of the volumes, and vectors of motion."""
-    zones = source.folder / "zones.gpkg"
+    zones = source.folder / zones_file(source.record)
     footprints = read_layer(zones, "footprints") if not source.is_series and zones.is_file() else None
     return MapLayers(
         source.zones,

@@ -97,6 +97,9 @@ def _measured(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append((say("Slope compared"), percent(metrics, "compared_share")))
     shares = record.get("seen") or {}
     rows += [(say(LABELS_OF_SEEN[one]), percent(shares, KEYS[one])) for one in NOT_SEEN if value_of(shares, KEYS[one])]
+    for name, words in (("normal_scale_m", "Normal scale"), ("projection_scale_m", "Projection scale")):
+        if value_of(metrics, name) is not None:
+            rows.append((say(words), figure(metrics, name, "m", 2)))
     if value_of(metrics, "lod_median_m") is not None:
         rows.append((say("Level of detection, median"), figure(metrics, "lod_median_m", "m")))
     return rows

@@ -21,11 +21,11 @@ from ...displacement.vectors import (
     common_motion,
     confidence_of_each,
     in_the_map,
-    narrower_tells,
     squared_length,
     where,
 )
 from .network import AXES, Adjusted, Links, Measured, Noise, adjust, batches, noise_of
+from .widths import narrower_tells
 from .windows import Layout, PairMotion
 
 

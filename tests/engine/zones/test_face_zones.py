@@ -9,7 +9,7 @@ from slopewatch.engine.m3c2.distances import Cylinder, Distances, LevelTerms, m3
 from slopewatch.engine.m3c2.lattice import Lattice
 from slopewatch.engine.m3c2.level import calibrated
 from slopewatch.engine.m3c2.normals import fit_planes
-from slopewatch.engine.zones.face_zones import FaceCells, FaceZones, _halfway, face_zones
+from slopewatch.engine.zones.face_zones import Areas, FaceCells, FaceZones, face_zones
 
 SIDE_M, RADIUS_M, SPACING_M, ERROR_M = 16.0, 0.3, 0.25, 0.003
 CHANGES = ((4.0, 4.0, 2.0, 0.08), (11.0, 5.0, 2.0, -0.08), (5.0, 11.5, 2.5, 0.15), (11.5, 11.5, 1.5, -0.2))
@@ -78,29 +78,61 @@ def test_volumes_are_right_where_normals_are_noisy_and_the_face_is_curved(rocks_
         assert found == pytest.approx(moved, rel=0.02)
 
 
+def places(side: float, cell: float, seed: int = 0) -> np.ndarray:
+    """Points (n, 2) of a square around 0, about one a cell."""
+    return np.random.default_rng(seed).uniform(-side / 2, side / 2, (round((side / cell) ** 2), 2))
+
+
 def test_noise_of_normals_makes_distances_longer_and_no_volume_larger():
     """Of two parallel planes, between which a distance along a tilted normal is the longer by its cosine."""
-    tilt = np.random.default_rng(1).normal(0.0, 0.2, (60, 60, 2))
-    normals = np.dstack([tilt, np.ones(tilt.shape[:2])])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    distance = 0.3 / normals[..., 2]
-    area = _halfway(np.zeros(distance.shape), normals, distance, 1.0)
-    assert (distance * area).mean() == pytest.approx(0.3, rel=0.01)
-    assert (distance / normals[..., 2]).mean() > 1.07 * 0.3
+    local = np.column_stack([places(60.0, 1.0), np.zeros(3600)])
+    normals = np.column_stack([np.random.default_rng(1).normal(0.0, 0.2, (3600, 2)), np.ones(3600)])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    distance = 0.3 / normals[:, 2]
+    areas = Areas.of(local, normals, np.zeros(3600), distance, 1.0)
+    assert (distance * areas.acted_on).sum() == pytest.approx(0.3 * areas.in_plane.sum(), rel=0.01)
+    assert (distance * areas.in_plane / normals[:, 2]).sum() > 1.07 * 0.3 * areas.in_plane.sum()
+
+
+def test_rocks_whose_normals_cross_have_the_volume_between_the_surfaces():
+    """Waves as tight as the layer on them is thick; the truth is the layer's height over the plane times the area."""
+    length, rise, height = 1.0, 0.12, 0.3
+    place = places(12.0, 0.05)
+    turn = 2 * np.pi / length
+    depth = rise * np.cos(turn * place[:, 0])
+    slope = -rise * turn * np.sin(turn * place[:, 0])
+    normal = np.column_stack([-slope, np.zeros(len(place)), np.ones(len(place))])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    assert height > 1 / (rise * turn**2), "beyond the radius of the waves, where their normals cross"
+    # along each normal to the wave that stands higher, by Newton's method
+    distance = height * normal[:, 2]
+    for _ in range(50):
+        along = place[:, 0] + distance * normal[:, 0]
+        above = depth + distance * normal[:, 2] - height - rise * np.cos(turn * along)
+        distance -= 0.5 * above / (normal[:, 2] + rise * turn * np.sin(turn * along) * normal[:, 0])
+    assert np.abs(above).max() < 1e-3
+    local = np.column_stack([place, depth])
+    areas = Areas.of(local, normal, np.zeros(len(place)), distance, 0.05)
+    inner = np.abs(place).max(axis=1) < 5.0  # ten whole waves
+    assert (distance * areas.acted_on)[inner].sum() == pytest.approx(height * 100.0, rel=0.01)
 
 
 @pytest.mark.parametrize("bulges", [1.0, -1.0])
 def test_a_layer_on_a_bulge_holds_more_than_one_in_a_hollow(bulges):
     """Between spheres of 5 and 5.3 m, or of 5 and 4.7 m, over a square of the inner half."""
-    radius, cell, height = 5.0, 0.05, 0.3
-    place = np.arange(-2.5, 2.5, cell) + cell / 2
-    along, up = np.meshgrid(place, -place)
-    depth = np.sqrt(radius**2 - along**2 - up**2)
-    normals = np.dstack([bulges * along, bulges * up, depth]) / radius
-    area = _halfway(bulges * depth, normals, np.full(depth.shape, height), cell)
-    of_the_sphere = (cell**2 * radius / depth).sum()
+    radius, cell, height = 5.0, 0.1, 0.3
+    place = places(5.0, cell)
+    depth = np.sqrt(radius**2 - (place**2).sum(axis=1))
+    normal = np.column_stack([bulges * place, depth]) / radius
+    local = np.column_stack([place, bulges * depth])
+    full = np.full(len(place), height)
+    areas = Areas.of(local, normal, np.zeros(len(place)), full, cell)
+    plain = Areas.of(local, normal, np.zeros(len(place)), 0.0 * full, cell)
+    of_the_sphere = plain.acted_on.sum()
     layer = bulges * ((radius + bulges * height) ** 3 - radius**3) / (3 * radius**2)
-    assert (height * area).sum() == pytest.approx(layer * of_the_sphere, rel=0.003)
+    assert (height * areas.acted_on).sum() == pytest.approx(layer * of_the_sphere, rel=0.003)
+    known = areas.in_plane * radius / depth
+    assert of_the_sphere == pytest.approx(known.sum(), rel=0.01)
 
 
 def near(cells: FaceCells, change: tuple[float, float, float, float]) -> np.ndarray:

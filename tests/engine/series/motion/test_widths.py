@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.engine.displacement.status import Status
-from slopewatch.engine.displacement.vectors import Vectors, confidence_of_each, joined
+from slopewatch.engine.displacement.vectors import Vectors, chosen, confidence_of_each
+from slopewatch.engine.series.motion.widths import narrower_tells
 
 NARROW_M, WIDE_M = 5.0, 8.0
 SHARE = (NARROW_M / WIDE_M) ** 2
@@ -31,6 +32,10 @@ def nested(count: int, inside: float, around: float) -> tuple[Vectors, Vectors]:
         windows(narrow, ERROR_M, NARROW_M),
         windows(SHARE * narrow + (1 - SHARE) * rest, ERROR_M * np.sqrt(SHARE), WIDE_M),
     )
+
+
+def joined(sizes: tuple[Vectors, Vectors], confidence: float) -> Vectors:
+    return chosen(narrower_tells(*sizes, confidence), *sizes)
 
 
 def test_still_ground_moves_no_more_often_than_stated():
