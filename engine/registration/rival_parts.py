@@ -210,7 +210,7 @@ def refusal(found: Standing) -> str:
     """The sentence that refuses surveys of which two parts contradict each other."""
     part, other = found.part, found.part.other
     assert other is not None
-    if found.rose:
+    if found.rose and other.share <= MAX_RIVAL_RATIO_BESIDE * part.share:
         return (
             f"{part.share:.0%} of the surface agrees on one motion, but another {other.share:.0%} then rose against it "
             f"(the motions are {found.apart:.2f} m apart), which slopes hardly do: the first part may have sunk; give "
