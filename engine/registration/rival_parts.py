@@ -81,8 +81,9 @@ _TABLE = (
     # a datum that is off by chance as far as a block moved back is less likely than a block that moved
     _Row(Verdict.OTHER_BY_POSITION, other_share=(0.2, 1), ratio=(0.7, 1), offset=_ASTRAY, other_offset=_AS_SURVEYED),
     _Row(Verdict.UNDECIDED, offset=_ASTRAY, other_offset=_AS_SURVEYED),
-    _Row(Verdict.PART_BY_POSITION, rose=(True,), offset=_AS_SURVEYED, other_offset=_ASTRAY),
-    _Row(Verdict.UNDECIDED, rose=(True,)),
+    # slopes sink and slide down; less than a fifth is rather a fill than what stayed
+    _Row(Verdict.PART_BY_POSITION, ratio=(0.2, np.inf), rose=(True,), offset=_AS_SURVEYED, other_offset=_ASTRAY),
+    _Row(Verdict.UNDECIDED, ratio=(0.2, np.inf), rose=(True,)),
     # a block that moved is compact, and ground that stayed lies around it
     _Row(Verdict.PART, ratio=(0.0, 0.2), lies=("around",)),
     # a block that moved may be larger than what stayed
