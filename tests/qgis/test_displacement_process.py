@@ -26,11 +26,13 @@ def test_the_half_that_moved_is_a_zone(qgis_process: QgisProcess, moved: dict[st
     assert set(DisplacementVectors.NUMBERS) | set(DisplacementVectors.FILES) <= set(results)
     half_moved(results, Inputs(tmp_path))
     vectors = list(QgsVectorLayer(f"{results['VECTORS']}|layername=vectors", "vectors", "ogr").getFeatures())
-    assert len(vectors) == results["VECTOR_COUNT"] > 5
+    assert len(vectors) > 5
     plunges = sorted(vector["plunge_deg"] for vector in vectors)
     assert plunges[len(plunges) // 2] == pytest.approx(known_truth.DIP_DEG, abs=5)
     record = json.loads(Path(results["RUN_RECORD"]).read_text(encoding="utf-8"))
     assert record["metrics"]["moving_zone_count"] == results["ZONE_COUNT"]
+    by_chance = results["VECTOR_COUNT"] - len(vectors)  # outside of the zone and not written
+    assert 0 <= by_chance <= record["metrics"]["chance_vectors_most"]
 
 
 def test_the_engines_sentence_reaches_the_user(
