@@ -82,7 +82,8 @@ def window_rows(
 def still_rows(pairs: Sequence[Case], zones: Sequence[int], targets: Mapping[float, tuple[float, float]]) -> list[Row]:
     """Simulated pairs where nothing moved; ``zones`` of each still map."""
     found: list[Row] = []
-    for size, target in {REPORTED: None, **targets}.items():
+    sizes: list[tuple[float | str, tuple[float, float] | None]] = [(REPORTED, None), *targets.items()]
+    for size, target in sizes:
         found += window_rows("simulated, nothing moved", size, [pair["still"] for pair in pairs], target)
     claimed, shown, measured = np.sum([pair["still"]["reported"] for pair in pairs], axis=0).tolist()
     found.append(
