@@ -22,7 +22,7 @@ from .gravity import is_uphill
 from .least_squares import Fit
 from .measure import Windows, judged
 from .near_ground import near_points
-from .neighbours import with_neighbours
+from .neighbours import narrowest, with_neighbours
 from .one_direction import Component
 from .reference import Reference
 from .registered import Registered
@@ -93,6 +93,11 @@ class Displacement:
     def significant_components(self) -> Bool:
         """(k,) as ``significant``, of ``components``."""
         return self.components.significant(self.confidence) & (self.points_per_m2 >= MIN_POINTS_PER_M2)
+
+    @property
+    def smallest(self) -> Float:
+        """(n,) as ``Vectors.smallest``, of the window at the place alone: a small slide is shrunk, too."""
+        return narrowest(self.by_width).smallest
 
     @property
     def uphill(self) -> Bool:

@@ -10,7 +10,7 @@ moves alike, errors become smaller. At the edge of a slide each window stands fo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -46,6 +46,14 @@ class _Windows:
         return cls(vectors.in_plane[:, :2], covariance, inverse, flat, share)
 
 
+def narrowest(sizes: Sequence[Vectors]) -> Vectors:
+    """Of each place the narrowest measured window, from windows of each width, narrow ones first."""
+    found = sizes[-1]
+    for narrower in reversed(sizes[:-1]):
+        found = chosen(narrower.measured, narrower, found)
+    return found
+
+
 def with_neighbours(sizes: Sequence[Vectors], facet: Index, frames: Sequence[Frame]) -> Vectors:
     """Of each place the narrowest measured window, its motion along the surface shrunk towards its neighbours.
 
@@ -56,9 +64,7 @@ def with_neighbours(sizes: Sequence[Vectors], facet: Index, frames: Sequence[Fra
         sizes: windows of each width, narrow ones first, without the registration's error.
         facet: (n,) facet of each window, of ``frames``.
     """
-    found = sizes[-1]
-    for narrower in reversed(sizes[:-1]):
-        found = chosen(narrower.measured, narrower, found)
+    found = narrowest(sizes)
     if len(sizes) == 1 or not len(found.places):
         return found
     reach = (float(sizes[0].width[0]) + float(sizes[-1].width[0])) / 2
@@ -71,8 +77,7 @@ def with_neighbours(sizes: Sequence[Vectors], facet: Index, frames: Sequence[Fra
 
 
 def _taken(vectors: Vectors, numbers: Index) -> Vectors:
-    names = ("places", "axes", "motion", "covariance", "status", "seen", "width")
-    return Vectors(**{name: getattr(vectors, name)[numbers] for name in names})
+    return Vectors(*(getattr(vectors, field.name)[numbers] for field in fields(vectors)))
 
 
 def _shrunk(vectors: Vectors, frame: Frame, reach: float) -> tuple[Float, Float]:

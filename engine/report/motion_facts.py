@@ -51,7 +51,7 @@ def motion_facts(
         stable_given: whether ground was given as stable.
     """
     vectors = found.vectors
-    smallest = vectors.smallest[vectors.measured]
+    smallest = found.smallest[vectors.measured]
     expected, most = chance_vectors(found)
     return {
         "windows": len(found.cell),

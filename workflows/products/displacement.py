@@ -41,7 +41,7 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run
     """Write all of them, zones with their places on the run's road; the paths by key."""
     stage = run.stage
     shown = beyond_chance(found)
-    outputs = write_rasters(found.vectors, shown, found.grid, found.cell, crs, tags, stage)
+    outputs = write_rasters(found.vectors, found.smallest, shown, (found.grid, found.cell), crs, tags, stage)
     path = stage.path("displacement.gpkg")
     times = displacement_styles.magnification(found.vectors.motion[shown], found.grid.cell)
     zones = run.related.placed(zones_layer(found, crs), run.progress)
@@ -64,17 +64,26 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run
 
 
 def write_rasters(
-    vectors: Vectors, significant: Bool, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], stage: Stage
+    vectors: Vectors,
+    smallest: Float,
+    significant: Bool,
+    at: tuple[Grid, Index],
+    crs: CRS,
+    tags: dict[str, str],
+    stage: Stage,
 ) -> dict[str, Path]:
-    """Write the rasters of vectors whose windows have the flat indices ``cell`` (n,) in ``grid``; the paths by key.
+    """Write the rasters of vectors; the paths by key.
 
     Args:
+        smallest: (n,) motion that would be seen, metres.
         significant: (n,) which of them QGIS draws in full colours.
+        at: a grid, and the flat index (n,) in it of each window.
     """
+    grid, cell = at
     shown = opacity_band.opacity(np.where(vectors.measured, 0.0, np.nan), significant)
     _write_displacement(vectors, shown, grid, cell, crs, tags, stage.path("displacement.tif"))
     outputs = {"displacement": stage.final("displacement.tif")}
-    smallest = on_grid(cell, vectors.smallest, grid.shape)
+    smallest = on_grid(cell, smallest, grid.shape)
     path = stage.path("smallest_motion.tif")
     description = "Smallest motion along the surface that can be told from none (3 standard errors)"
     geotiff.write_raster(path, smallest, grid, crs, description=description, tags=tags)
@@ -243,7 +252,7 @@ def main_figures(found: Displacement) -> dict[str, Any]:
         "fastest_zone_m": None if fastest is None else float(np.linalg.norm(fastest.motion)),
         "fastest_zone_err_m": None if fastest is None else _length_error(fastest),
         "largest_zone_off_dip_deg": None if zone is None else zone.off_dip,
-        "smallest_motion_median_m": _median(vectors.smallest[vectors.measured]),
+        "smallest_motion_median_m": _median(found.smallest[vectors.measured]),
         "points_per_m2": found.points_per_m2,
         "kernel_m": found.kernel,
         "facets": len(found.facets.frames),

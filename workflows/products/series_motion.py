@@ -49,7 +49,7 @@ def write_motion(
     moving = field.significant[-1]
     spacing = field.layout.grid.cell
     shown = last.measured & (moving | (np.nan_to_num(last.statistic) > limit))
-    outputs = write_rasters(last, shown, field.layout.grid, field.layout.cell, crs, tags, stage)
+    outputs = write_rasters(last, last.smallest, shown, (field.layout.grid, field.layout.cell), crs, tags, stage)
     times = displacement_styles.magnification(last.motion[shown], spacing)
     velocity = field.vectors(field.velocity, field.velocity_covariance)
     fast = np.nan_to_num(velocity.statistic) > limit

@@ -95,6 +95,14 @@ def test_only_what_moves_has_vectors(ground):
     assert found.zones[0].in_plane[0] == pytest.approx(0.25, abs=0.03)
 
 
+def test_ground_that_moved_farther_than_the_smallest_motion_is_seen(ground):
+    found = measured(ground[0], ground[1] + 0.04 * axes()[0])
+    assert np.nanmean(found.smallest) > 1.2 * np.nanmean(found.vectors.smallest)  # a window alone knows less
+    farther = found.vectors.measured & (found.smallest < 0.04)
+    assert np.count_nonzero(farther) > 10
+    assert found.significant[farther].mean() > 0.9
+
+
 def test_motion_of_most_of_a_metre_is_found(ground):
     found = measured(ground[0], ground[1] + 0.8 * axes()[0])
     error = found.vectors.in_plane[found.vectors.measured] - [0.8, 0.0, 0.0]
