@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from datetime import date
+from os.path import isdir, isfile
 from pathlib import Path
 from typing import Any
 
@@ -106,9 +107,9 @@ def _place_of(path: Path) -> tuple[Path, str]:
     Raises:
         InputError: the folder holds several of M3C2.
     """
-    if path.is_file():
+    if isfile(path):  # pathlib raises on a name that is too long
         return path.parent, path.name
-    if (path / "run.json").is_file():
+    if isfile(path / "run.json") or not isdir(path):
         return path, "run.json"
     found = [name.name for name in sorted(path.glob("*_run.json")) if _is_of_m3c2(name)]
     if len(found) > 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ def report_of_folder(
         InputError: as these do; or profiles or photos were given with a corridor.
     """
     folder = Path(folder).absolute()
-    record = None if folder.is_file() else corridor_record(folder)
+    record = None if isfile(folder) else corridor_record(folder)
     if record is None:
         return report_step(folder, parameters, details=details, profiles=profiles, photos=photos, progress=progress)
     if profiles is not None or photos is not None:
