@@ -49,7 +49,7 @@ kills: setup  ## Commands killed at every rename and at random moments, full dis
 lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
-	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED)) -p slopewatch.api
+	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED)) -p slopewatch.api -p slopewatch.library
 	PYTHONPATH=.setup/package .venv/bin/lint-imports
 
 format:  ## Let ruff rewrite what it can

@@ -7,7 +7,18 @@ from pathlib import Path
 
 from setuptools import find_packages, setup
 
-PARTS = ("api", "cli", "engine", "interface", "models", "plugin", "processing_algorithms", "simulation", "workflows")
+PARTS = (
+    "api",
+    "cli",
+    "engine",
+    "interface",
+    "library",
+    "models",
+    "plugin",
+    "processing_algorithms",
+    "simulation",
+    "workflows",
+)
 
 FOUND = find_packages(".", include=[pattern for part in PARTS for pattern in (part, f"{part}.*")])
 

@@ -39,7 +39,7 @@ from .run import Run
 from .settings import DisplacementSettings, groups
 
 _MIN_TOLD_SHARE = 0.1  # of the ground that one reason refuses, from which it is worth a warning
-_LEAST_REFUSED_OFFSET_M = 1.0  # of all heights alike: on a slope, windows of both surveys then hold other ground
+LEAST_REFUSED_OFFSET_M = 1.0  # of all heights alike: on a slope, windows of both surveys then hold other ground
 _MAYBE_FARTHER = frozenset(REASONS[status] for status in (Status.NO_RELIEF, Status.NOT_FOUND))
 
 
@@ -108,7 +108,7 @@ def displacement_step(
         run.facts["displacement"] = motion_facts(
             found, settings.displacement, registered, stable_given=stable is not None
         )
-        _warn(found, settings, stable is not None, progress)
+        warn_of_motion(found, settings, stable is not None, progress)
     return run.result()
 
 
@@ -135,7 +135,7 @@ def _read(
                 "The surveys stay on the disk and are measured in parts, which gives the same results; --memory-limit "
                 "says how much memory they may take."
             )
-        limit = max(_LEAST_REFUSED_OFFSET_M, settings.displacement.largest_motion)
+        limit = max(LEAST_REFUSED_OFFSET_M, settings.displacement.largest_motion)
         refuse_other_heights(clouds[0], clouds[1], limit)
     return clouds
 
@@ -183,7 +183,7 @@ def stable_places(path: Path | None, crs: CRS, progress: Progress | None = None)
     return inside
 
 
-def _warn(found: Displacement, settings: DisplacementSettings, asked_stable: bool, progress: Progress) -> None:
+def warn_of_motion(found: Displacement, settings: DisplacementSettings, asked_stable: bool, progress: Progress) -> None:
     """Say what could not be seen, and what makes the vectors doubtful."""
     unseen = 0.0
     for row in refused(found):

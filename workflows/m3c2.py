@@ -40,12 +40,12 @@ from .run import Run, pdf_name_of, record_name_of, report_name_of
 from .settings import DistanceSettings, groups
 from .topview import region_of
 
-_METHOD = "distance along the normal (M3C2)"
+METHOD = "distance along the normal (M3C2)"
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 
 
 @dataclass(frozen=True)
-class _Known:
+class Known:
     """What is known before: where normals point, the registration's standard error (m), and what is stable."""
 
     toward: Float
@@ -113,19 +113,19 @@ def m3c2_step(
         with run.step("distances", 0.35, 0.85, "measuring") as entry:
             cores, scales = choose_cores(clouds, reference, core, scales, settings, progress)
             run.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, core is not None)}
-            known = _Known(toward, error, stable_area(stable, clouds.crs, run.progress))
-            found = _measure(run, clouds.next_to(len(cores.xyz)), cores, scales, settings, known)
+            known = Known(toward, error, stable_area(stable, clouds.crs, run.progress))
+            pair, normals = clouds.next_to(len(cores.xyz)), _given_normals(cores, settings)
+            found = measured(pair, cores.xyz, scales, parameters, known, normals, progress)
             entry["core_points"] = len(cores.xyz)
-        run.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
         with run.step("write", 0.85, 1.0, "writing"):
             copied = stage.path(output.name)
             copy_with(cores.path, copied, settings.inputs, keep=cores.keep, dimensions=dimensions(found))
             run.outputs["points"] = stage.final(output.name)
             cell = given(parameters.distance_cell) or scales.core_spacing
-            context = Context(*epochs, clouds.crs, registered.transform, hashes, _METHOD, run.run_id(hashes))
+            context = Context(*epochs, clouds.crs, registered.transform, hashes, METHOD, run.run_id(hashes))
             run.figures = _figures(found, scales, parameters)
             write_maps(run, found, cell, context, settings.zones, raster_dir)
-        run.facts |= {"run_id": context.run_id, "registration": dict(registered.facts)}
+        run.facts |= {"run_id": context.run_id, "registration": dict(registered.facts)} | _level(found, parameters)
     return run.result()
 
 
@@ -149,6 +149,10 @@ def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, set
     refuse_memory_early((reference, moving), core, settings.distances)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+
+
+def _level(found: Distances, parameters: DistanceParameters) -> dict[str, Any]:
+    return {"level_of_detection": level_facts(found, calibrate=parameters.calibrate)}
 
 
 def _figures(found: Distances, scales: Scales, parameters: DistanceParameters) -> dict[str, Any]:
@@ -212,20 +216,23 @@ def _chosen(parameters: DistanceParameters, cores_given: bool) -> dict[str, str]
     return chosen
 
 
-def _measure(
-    run: Run,
+def measured(
     clouds: tuple[Survey, Survey],
-    cores: Cores,
+    core: Float,
     scales: Scales,
-    settings: DistanceSettings,
-    known: _Known,
+    parameters: DistanceParameters,
+    known: Known,
+    normals: Float | None,
+    progress: Progress,
 ) -> Distances:
-    """Distances and their level at the core points; warns of what they do not show."""
-    parameters, progress = settings.distances, run.progress
-    normals = _given_normals(cores, settings) if parameters.normals == "given" else None
+    """Distances and their level at core points (m, 3); warns of what they do not show.
+
+    Args:
+        normals: (m, 3) directions to measure in, where they are given.
+    """
     how = Measuring(parameters, scales, known.toward, known.registration_error, normals)
     with progress.stage(0.0, 0.95):
-        found, slope = measure(clouds, cores.xyz, how, progress)
+        found, slope = measure(clouds, core, how, progress)
     if not found.measured.any():
         raise InputError(
             f"No core point has {parameters.minimum_cylinder_points} points of both surveys in its cylinder of "
@@ -234,15 +241,17 @@ def _measure(
         )
     shift = uniform_shift(found.distance[found.measured], found.level[found.measured])
     if parameters.calibrate:
-        given = None if known.stable is None else contains_xy(known.stable, *cores.xyz[:, :2].T)
+        given = None if known.stable is None else contains_xy(known.stable, *core[:, :2].T)
         found = calibrated(found, how.cylinder.radius, slope=slope, given=given, uniform=shift is not None)
         report_level(found, progress)
     _warn(found, beyond_cylinder(clouds[1], found, how.cylinder), scales, shift, progress)
     return found
 
 
-def _given_normals(cores: Cores, settings: DistanceSettings) -> Float:
-    """Directions to measure in (m, 3)."""
+def _given_normals(cores: Cores, settings: DistanceSettings) -> Float | None:
+    """Directions to measure in (m, 3), where they are given."""
+    if settings.distances.normals != "given":
+        return None
     normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
     # another unit stretches the surface along an axis, and its normals the other way
     normal = np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors))

@@ -42,7 +42,7 @@ CORE_BYTES = 900
 """Memory of a core point, measured."""
 FEWEST_AT_ONCE, MOST_AT_ONCE = 100_000, 3_000_000
 """Points of both clouds that are in memory at a time, where they are on the disk."""
-_MAX_HEIGHT_OFFSET_M = 3.0  # where all of a survey is farther off in height it was not registered
+MAX_HEIGHT_OFFSET_M = 3.0  # where all of a survey is farther off in height it was not registered
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ def _held(
     first, second = (ground_of(cloud, settings.surface.ground, progress) for cloud in read)
     if transform is not None:
         second = replace(second, xyz=transform.apply(second.xyz))
-    refuse_other_heights(first, second, _MAX_HEIGHT_OFFSET_M)
+    refuse_other_heights(first, second, MAX_HEIGHT_OFFSET_M)
     return Clouds((_survey(first), _survey(second)), first.crs, taken, memory)
 
 
@@ -198,7 +198,7 @@ def _stored(
         second = ground_on_disk(paths[1], folder, ground, inputs, progress)
     if transform is not None:
         second = second.moved(transform)
-    refuse_other_heights(first, second, _MAX_HEIGHT_OFFSET_M)
+    refuse_other_heights(first, second, MAX_HEIGHT_OFFSET_M)
     surveys = []
     for number, cloud in enumerate((first, second)):
         progress.update(0.8 + 0.1 * number, "sorting the points")

@@ -25,6 +25,7 @@ from ..engine.report.facts import ROAD_WORDS, course_rows, zone_rows
 from ..engine.series.alerts import AlertLevel, read_alerts
 from ..engine.series.analysis import Analysis, analyse, limits_of, with_ground
 from ..engine.series.comparisons import GriddedEpoch
+from ..engine.series.first_grid import held_whole
 from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
@@ -53,7 +54,7 @@ from .products.series_motion import SERIES_MOTION_OUTPUTS, motion_figures, write
 from .run import Run
 from .series_continued import say_changed_figures, say_recomputed
 from .series_motion import SeriesMotion, measure_motion
-from .series_preparation import Task, held_whole, prepare_epochs
+from .series_preparation import Task, prepare_epochs
 from .settings import SeriesSettings, groups
 
 REPORTED = (
@@ -144,11 +145,11 @@ def monitor_series(
                 gridded, grid, (settings.change, settings.zones), table, spool, stable=area, progress=run.progress
             )
         say_odd_comparisons(dates, comparisons_of(analysis.cumulative), run.progress)
-        about = About(dates, crs, grid, _method(settings.change), run.run_id(hashes))
+        about = About(dates, crs, grid, method_of(settings.change), run.run_id(hashes))
         motion = _motion(run, task, gridded, analysis.stack.days, area)
         if motion is not None:
             analysis = with_ground(analysis, motion.ground, motion.layout, grid, settings.zones, table)
-        frame, course = _write_products(run, task, analysis, about, table)
+        frame, course = write_products(run, analysis, about, table, task.hashes, settings.series.rasters_each_survey)
         run.finish_reviews()
         run.figures = series_figures(frame, analysis.cumulative, analysis.incremental, about)
         if motion is not None:
@@ -157,8 +158,8 @@ def monitor_series(
         write_coverage(run, analysis, about)
         run.figures["dropped_zones"] = analysis.unconfirmed
         transforms = {g.epoch.name: g.transform.matrix for g in gridded}
-        run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
-        run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
+        run.facts |= {"cell": choice.facts()} | series_facts(analysis, about, table, transforms, motion)
+        run.facts |= zone_facts(analysis, about, frame, course)
         _say(run, earlier)
     return run.result()
 
@@ -176,7 +177,7 @@ def _given_layers(
     return corrections
 
 
-def _method(parameters: GridChangeParameters) -> str:
+def method_of(parameters: GridChangeParameters) -> str:
     """How the change was taken, for the zones' column ``method``."""
     return "series (cells that grow)" if parameters.grows else f"series ({parameters.cell_value} cells)"
 
@@ -233,25 +234,35 @@ def _motion(
     return motion
 
 
-def _write_products(
-    run: Run, task: Task, analysis: Analysis, about: About, alerts: tuple[AlertLevel, ...]
+def write_products(
+    run: Run,
+    analysis: Analysis,
+    about: About,
+    alerts: tuple[AlertLevel, ...],
+    hashes: Sequence[str],
+    every_raster: bool,
 ) -> tuple[GeoDataFrame, GeoDataFrame]:
-    """Write rasters, tables and picture; the table of the zones and that of their series."""
+    """Write rasters, tables and picture; the table of the zones and that of their series.
+
+    Args:
+        hashes: SHA-256 of the surveys.
+        every_raster: also those of each survey against the first and the one before.
+    """
     with run.step("products", 0.88, 0.99, "writing outputs"):
-        if task.settings.series.rasters_each_survey:
+        if every_raster:
             for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
-                write_epoch_rasters(run, kind, changes, about, task.hashes)
+                write_epoch_rasters(run, kind, changes, about, hashes)
         stack = analysis.stack
         velocity = cell_velocity(stack.days, list(stack.change), list(stack.variance))
         run.outputs |= write_summary_rasters(
-            velocity, analysis.confirmed, velocity.count >= 2, about, task.hashes, run.stage
+            velocity, analysis.confirmed, velocity.count >= 2, about, hashes, run.stage
         )
         write_class_table(run, analysis, about)
         footer = limits_of(analysis, about.dates)[0]
         return write_tables(run, analysis, velocity, about, alerts, footer)
 
 
-def _facts(
+def series_facts(
     analysis: Analysis,
     about: About,
     alerts: tuple[AlertLevel, ...],
@@ -260,6 +271,7 @@ def _facts(
 ) -> dict[str, Any]:
     """What the record and the report state about the surveys."""
     return {
+        "run_id": about.run_id,
         "reference_system": {"name": about.crs.name, "epsg": about.crs.to_epsg()},
         "limits": limits_of(analysis, about.dates, None if motion is None else motion.sentence()),
         "motion": None if motion is None else motion.facts(),
@@ -269,7 +281,7 @@ def _facts(
     }
 
 
-def _zone_facts(analysis: Analysis, about: About, frame: GeoDataFrame, course: GeoDataFrame) -> dict[str, Any]:
+def zone_facts(analysis: Analysis, about: About, frame: GeoDataFrame, course: GeoDataFrame) -> dict[str, Any]:
     """What the record and the report state about the zones."""
     zones = zone_rows(frame, REPORTED)
     return {

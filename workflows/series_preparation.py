@@ -26,8 +26,7 @@ from ..engine.displacement.registered import Registered
 from ..engine.epochs.epoch import Epoch
 from ..engine.geometry.rigid_transform import RigidTransform, registration_facts
 from ..engine.grid.cell_statistics import CellStatistics
-from ..engine.grid.chosen_cell import CellChoice, choose_cell, with_cell
-from ..engine.grid.common_grid import affordable, common_grid
+from ..engine.grid.chosen_cell import CellChoice
 from ..engine.grid.grid import Grid
 from ..engine.grid.kept_moments import KeptMoments
 from ..engine.ground.corrected_ground import correct_ground
@@ -38,10 +37,10 @@ from ..engine.pointcloud.in_parts import SpooledCloud, spool
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.series.comparisons import GriddedEpoch
+from ..engine.series.first_grid import grid_of
 from ..engine.vector.area import read_roi
 from ..engine.vector.corrections import Corrections
 from ..interface.corrections import EXCLUDE, NOT_GROUND
-from ..interface.parameters import ChangeParameters, GridChangeParameters
 from .pair import Cloud, common_area, excluded_area, is_large, register_pair, survey_of
 from .series_store import Entry, Store, key_of, load_cells, save_cells
 from .settings import SeriesSettings
@@ -72,11 +71,6 @@ class Task:
         return found if found is not None and found.areas else None
 
 
-def held_whole(parameters: GridChangeParameters) -> GridChangeParameters:
-    """The parameters for the grid's memory: a series holds arrays of all cells, also if cells grow."""
-    return replace(parameters, adaptive=False) if isinstance(parameters, ChangeParameters) else parameters
-
-
 def prepare_epochs(task: Task, folder: Path, progress: Progress) -> tuple[list[GriddedEpoch], Grid, CRS, CellChoice]:
     """Every survey's cells, the first one's grid, the reference system, and how the cell came about.
 
@@ -97,11 +91,7 @@ def prepare_epochs(task: Task, folder: Path, progress: Progress) -> tuple[list[G
     first = _ground_cloud(task, 0, grounds[0], spool_folder, shares[0])
     xyz, plants = survey_of(first)
     with_plants = first.values > 0 if isinstance(first, SpooledCloud) else plants is not None
-    change = held_whole(task.settings.change)
-    choice = affordable(choose_cell((xyz,), change), (xyz,), change, plants=with_plants)
-    if choice.automatic:
-        progress.info(choice.sentence)
-    grid = common_grid(xyz, xyz, with_cell(change, choice), plants=with_plants)
+    grid, choice = grid_of(xyz, task.settings.change, with_plants=with_plants, progress=progress)
     kept = _Kept(grounds, first, grid, store, spool_folder)
     found = []
     for number in range(len(task.epochs)):

@@ -10,41 +10,34 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely import Polygon
 
 from ...interface.parameters import GroundParameters, InputParameters
 from ..core import cancellation
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
 from ..core.progress import Progress
-from ..geometry.dominant_plane import apply_matrix, flattening_matrix
-from ..geometry.point_spacing import point_spacing
-from ..pointcloud import plant_cover
 from ..pointcloud.clipping import clip
 from ..pointcloud.header import EmptyCloud, preflight
 from ..pointcloud.near_area import near_area
 from ..pointcloud.pdal_program import Pdal, find_pdal, keep_pipeline, time_limit_s
 from ..pointcloud.reading import open_cloud
-from ..pointcloud.returns import Returns
 from ..pointcloud.writing import Copy, copies
 from ..vector.area import read_roi, refuse_outside
 from . import pdal_pipelines
-from .cloth import METHOD, cloth_ground, filling, refuse_large_cloth
-from .cover import GroundCover, cover_facts, cover_warnings
-from .doubts import Found, ground_doubts
-from .filtering import Filtered, cloth_threshold, dominant_plane, refined, require_points
-from .findings import Outcome, refuse_implausible, returns_warning, spacing_warning
+from .cloth import METHOD, filling
+from .filtering import cloth_threshold, refined, require_points
+from .findings import Outcome
 from .given_ground import given_choice, given_ground, judge_classes
 from .labelled_clouds import labelled, plant_dimensions
 from .metrics import coverage, file_coverage, vegetation_cover
-from .outliers import outliers
-from .result import HEIGHT_OVER_GROUND, GroundResult
+from .points import Rules, cloth_frame, cover_of, judge, near_cloth, taking_part, without_outliers
+from .result import GroundResult
 from .strips.fitting import with_fitted_strips
 from .survey import Clipped, Source, read_near, read_points
 from .tiles.extraction import Job, extract_in_tiles
@@ -154,16 +147,17 @@ class _Extraction:
         return found.outcome(given)
 
     def _in_one_piece(self, source: Source, plain: Path) -> Outcome:
+        rules = Rules(shown(self.cloud), self.parameters, self._warn)
         with self._step("denoise", 0.3, 0.45, "removing outliers"):
-            survey = self._without_outliers(*read_points(plain, flags_in_class=source.flags_in_class))
+            survey = without_outliers(rules, *read_points(plain, flags_in_class=source.flags_in_class))
         with self._step("cloth", 0.45, 0.8, "laying the cloth"):
-            taken = self._taking_part(survey.returns)
+            taken = taking_part(rules, survey.returns)
             near, method = self._cloth(plain, survey, taken)
         with self._step("refine", 0.8, 0.9, "refining the ground"):
             found = refined(survey.flat, near, taken, self.parameters)
-            self._judge(found, survey, taken)
+            judge(rules, found, survey, taken)
             dimensions = plant_dimensions(found, survey.plane.dip)
-            cover = self._cover(survey, found.ground, dimensions)
+            cover = cover_of(rules, survey, found.ground, dimensions)
         with self._step("write", 0.9, 1.0, "writing the ground"):
             outputs = self.classified, self.output
             wanted = [Copy(self.clipped, survey.keep), *labelled(outputs, survey.keep, found.ground, dimensions)]
@@ -285,44 +279,15 @@ class _Extraction:
             raise InputError(f"{shown(self.cloud)} has no point{place}; check both.")
         require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", count)
 
-    def _without_outliers(self, xyz: Float, returns: Returns, labels: NDArray[np.uint8]) -> Clipped:
-        plane = dominant_plane(xyz)
-        flat = apply_matrix(flattening_matrix(plane), xyz)
-        keep, removed = np.ones(len(xyz), dtype=bool), np.empty((0, 3))
-        if self.parameters.denoise:
-            noise = outliers(flat, self.parameters.denoise_radius, self.parameters.denoise_group)
-            keep = ~(noise | np.isin(labels, pdal_pipelines.NOISE))
-        if not keep.all():
-            removed, xyz, flat = flat[~keep], xyz[keep], flat[keep]
-            returns = replace(returns, last=returns.last[keep])
-        require_points(f"{shown(self.cloud)} without its outliers", len(xyz))
-        return Clipped(keep, xyz, flat, removed, returns, plane, self._spacing(xyz))
-
-    def _spacing(self, xyz: Float) -> float:
-        spacing = point_spacing(xyz)
-        self._warn(spacing_warning(shown(self.cloud), spacing, self.parameters))
-        return spacing
-
-    def _taking_part(self, returns: Returns) -> Bool:
-        """(n,) the points that may be ground."""
-        if not self.parameters.last_returns:
-            return np.ones(len(returns.last), dtype=bool)
-        self._warn(returns_warning(shown(self.cloud), returns, self.parameters))
-        return returns.last
-
     def _cloth(self, plain: Path, survey: Clipped, taken: Bool) -> tuple[Bool, str]:
         """(n,) points near the cloth, and what laid it."""
-        parameters = self.parameters
-        aligned = survey.flat if parameters.slope_aligned else survey.xyz
-        refuse_large_cloth(aligned[taken], parameters.cloth_resolution)
+        aligned = cloth_frame(survey, taken, self.parameters)
         # PDAL refuses return numbers of which some are 0, and searches without end where much of the cloth is bare
-        sound = not survey.returns.mixed and not len(filling(aligned[taken], parameters.cloth_resolution))
-        if self.pdal.has_csf and sound:
+        sound = self.pdal.has_csf and not survey.returns.mixed
+        if sound and not len(filling(aligned, self.parameters.cloth_resolution)):
             near = self._cloth_by_pdal(plain, survey)
             return near, f"PDAL {self.pdal.version} filters.csf"
-        near = np.zeros(len(taken), dtype=bool)
-        near[taken] = cloth_ground(aligned[taken], parameters, threshold=cloth_threshold(parameters))
-        return near, METHOD
+        return near_cloth(survey, taken, self.parameters), METHOD
 
     def _cloth_by_pdal(self, plain: Path, survey: Clipped) -> Bool:
         """(n,) points near the cloth; the pipeline is kept as one that reads ``clipped``."""
@@ -346,27 +311,6 @@ class _Extraction:
         if len(labels) != len(survey.xyz):
             raise EngineError(f"PDAL {self.pdal.version} returned {len(labels)} of {len(survey.xyz)} points")
         return labels == pdal_pipelines.GROUND
-
-    def _cover(self, survey: Clipped, ground: Bool, dimensions: dict[str, NDArray[np.float32]]) -> GroundCover | None:
-        """What covers the ground, where its heights are known; and the warnings about it."""
-        if not dimensions:
-            return None
-        lengths = (
-            dimensions[name].astype(np.float64) for name in (HEIGHT_OVER_GROUND, plant_cover.ERROR, plant_cover.HEIGHT)
-        )
-        cover = cover_facts(survey.xyz, ground, *lengths, dip=survey.plane.dip)
-        for sentence in cover_warnings(cover, shown(self.cloud)):
-            self._warn(sentence)
-        return cover
-
-    def _judge(self, filtered: Filtered, survey: Clipped, taken: Bool) -> None:
-        """Refuse what cannot be the ground, and warn of what may not be."""
-        found = int(np.count_nonzero(filtered.ground))
-        refuse_implausible(shown(self.cloud), found, len(survey.flat), self.parameters)
-        height, error = filtered.height, filtered.plant_error
-        doubted = Found(survey.flat, filtered.ground, taken, height, error, survey.removed, filtered.threshold)
-        for sentence in ground_doubts(shown(self.cloud), doubted, survey.returns.lost):
-            self._warn(sentence)
 
     def _run(self, pipeline: list[pdal_pipelines.Stage], points: int) -> None:
         memory = _BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points

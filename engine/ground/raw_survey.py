@@ -28,6 +28,11 @@ PLANTS = (3, 4, 5)
 """Low, medium and high vegetation, where the file says so itself."""
 _MIN_KNOWN_GROUND_SHARE = 0.995
 _STRETCHES = 12
+_MAX_LOOKED_AT_POINTS = _STRETCHES * 50_000  # as many as the stretches of a file without chunks hold
+_SQUARE_SIDE_M, _SQUARE_STEP = (
+    10.0,
+    7,
+)  # whole squares, so that balls are full; the step spreads them in both directions
 _BALL_RADII_M = (0.5, 0.7)
 """Radii (m) of the balls; the first with enough points is taken. In larger ones the rock of a real cloud, thinned, was
 as thick as plants, so thinner clouds are not judged by this."""
@@ -86,14 +91,26 @@ def bareness(path: Path, inputs: InputParameters | None = None) -> Bareness:
         labels.append(np.asarray(records["classification"]))
         number = np.asarray(records["return_number"])
         followed.append((number > 0) & (number < np.asarray(records["number_of_returns"])))
-    label = np.concatenate(labels)
-    counted = ~np.isin(label, NOISE)
+    return bareness_of(np.concatenate(xyz), np.concatenate(labels), np.concatenate(followed))
+
+
+def bareness_of(xyz: Float, labels: NDArray[np.uint8] | None, followed: NDArray[np.bool_]) -> Bareness:
+    """As ``bareness``, of points (n, 3) in metres; those of some squares where they are many.
+
+    Args:
+        labels: (n,) classes; None where they are not known.
+        followed: (n,) echoes that a later one of their pulse follows.
+    """
+    label = np.zeros(len(xyz), np.uint8) if labels is None else labels
+    square = np.floor(xyz[:, :2] / _SQUARE_SIDE_M).astype(np.int64)
+    every = -(-len(xyz) // _MAX_LOOKED_AT_POINTS)
+    counted = ~np.isin(label, NOISE) & ((square[:, 0] + _SQUARE_STEP * square[:, 1]) % every == 0)
     if not counted.any():
         return Bareness(np.nan, 0.0, 0.0, 0.0)
     label = label[counted]
     return Bareness(
-        thick=thick_share(np.concatenate(xyz)[counted]),
-        followed=float(np.concatenate(followed)[counted].mean()),
+        thick=thick_share(xyz[counted]),
+        followed=float(followed[counted].mean()),
         plants=float(np.isin(label, PLANTS).mean()),
         ground=float((label == GROUND).mean()),
     )
@@ -134,15 +151,19 @@ def refuse_raw(paths: Sequence[Path], ground: str, inputs: InputParameters | Non
     if ground != "auto":
         return
     for path in paths:
-        found = bareness(path, inputs)
-        signs = found.signs()
-        if signs:
-            ready = "--ground class_2 to take the points of class 2, or " if found.ground > 0 else ""
-            raise InputError(
-                f"{shown(path)} is no bare ground ({' and '.join(signs)}); extract the ground of both surveys with "
-                f"slopewatch ground first, or give the raw ones to slopewatch inspect, or give {ready}--ground as_is "
-                "if it is a bare surface."
-            )
+        refuse_signs(path, bareness(path, inputs))
+
+
+def refuse_signs(path: Path, found: Bareness) -> None:
+    """Raise InputError if the points of ``path`` are those of a raw survey."""
+    signs = found.signs()
+    if signs:
+        ready = "--ground class_2 to take the points of class 2, or " if found.ground > 0 else ""
+        raise InputError(
+            f"{shown(path)} is no bare ground ({' and '.join(signs)}); extract the ground of both surveys with "
+            f"slopewatch ground first, or give the raw ones to slopewatch inspect, or give {ready}--ground as_is "
+            "if it is a bare surface."
+        )
 
 
 def taken_as_ground(labels: NDArray[np.uint8] | None, ground: str, path: Path) -> NDArray[np.bool_] | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("interface", "engine", "models", "workflows", "cli", "api")
+PACKAGES = ("interface", "engine", "models", "workflows", "cli", "api", "library")
 NOT_SHIPPED = "models/making"
 READERS = {
     "open", "read_text", "read_bytes", "copyfile", "loadtxt", "genfromtxt", "memmap", "read_csv", "read_file",

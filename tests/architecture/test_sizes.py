@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ["api", "cli", "engine", "interface", "models", "workflows"]
+SOURCES = ["api", "cli", "engine", "interface", "library", "models", "workflows"]
 MODULE, FUNCTION, PARAMETERS = 400, 60, 7
 
 COMMAND = "its arguments are the command's files and switches, each under its own name"
@@ -29,6 +29,7 @@ MANY_PARAMETERS = {
     "api/pairs.py:displacement": STEP,
     "api/pairs.py:m3c2": STEP,
     "api/flow.py:monitor": STEP,
+    "library/distances.py:m3c2": STEP,
     "cli/commands.py:register": COMMAND,
     "cli/commands.py:change": COMMAND,
     "cli/displacement.py:displacement": COMMAND,

@@ -10,7 +10,18 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SHIPPED = ("api", "interface", "engine", "models", "simulation", "workflows", "cli", "plugin", "processing_algorithms")
+SHIPPED = (
+    "api",
+    "interface",
+    "engine",
+    "models",
+    "simulation",
+    "workflows",
+    "cli",
+    "library",
+    "plugin",
+    "processing_algorithms",
+)
 POSIX_MODULES = {"fcntl", "resource", "pwd", "grp", "termios", "pty", "posix"}
 POSIX_NAMES = {
     *("killpg", "setsid", "setpgid", "getpgid", "fork", "forkpty", "geteuid", "getuid", "mkfifo", "chown", "nice"),

@@ -16,6 +16,7 @@ from ...engine.grid.chosen_cell import CELL_SIDES_M
 from ...engine.grid.common_grid import allowed, memory_needed
 from ...engine.pointcloud.header import CloudHeader
 from ...engine.pointcloud.reading import open_cloud
+from ...engine.series.first_grid import held_whole
 from ...engine.vector.area import read_roi
 from ...interface.parameters import (
     AUTO,
@@ -26,7 +27,6 @@ from ...interface.parameters import (
     ParameterSet,
     ScreeningParameters,
 )
-from ..series_preparation import held_whole
 from .jobs import Problem, Slope
 from .planning import Plan
 from .settings import INSPECT, group_of

@@ -14,7 +14,7 @@ import pytest
 import shapely
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.ground import extraction as module
+from slopewatch.engine.ground.cloth import cloth_ground
 from slopewatch.engine.ground.extraction import extract_ground
 from slopewatch.engine.ground.filtering import ground_mask
 from slopewatch.engine.pointcloud.header import preflight
@@ -227,7 +227,7 @@ def test_the_published_profile_is_the_plain_filter(pair, inputs, tmp_path):
     parameters = GroundParameters.build(profile="paper")
     found = extract_ground(inputs[0], tmp_path / "g.laz", roi=inputs[1], parameters=parameters, pdal=old_pdal())
     las = laspy.read(found.clipped)
-    plain = module.cloth_ground(np.array(las.xyz), parameters)
+    plain = cloth_ground(np.array(las.xyz), parameters)
     assert set(laspy.read(found.ground).gps_time) == set(las.gps_time[plain])
 
 
