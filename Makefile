@@ -1,7 +1,7 @@
 # SlopeWatch: `make demo` and `make test` each do everything on a fresh Debian 12 or 13, as root or with sudo.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-engine test-plugin check fuzz kills lint format bench model model-relief package install uninstall clean
+.PHONY: help setup demo test test-engine test-plugin check fuzz kills lint format docs bench model model-relief package install uninstall clean
 
 PYTHON := .venv/bin/python
 QGIS_PYTHON := .venv-qgis/bin/python
@@ -55,6 +55,11 @@ lint: setup  ## ruff, mypy and the layers of the packages
 format:  ## Let ruff rewrite what it can
 	$(PYTHON) -m ruff check --fix .
 	$(PYTHON) -m ruff format .
+
+docs:  ## The documents as a site in build/site; needs only Python and pip
+	python3 -m venv build/docs
+	build/docs/bin/pip install --quiet ".[docs]"
+	PYTHONPATH= NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --strict
 
 bench: setup  ## Accuracy and speed compared with the published method and its peers, as a table
 	$(PYTHON) -m slopewatch.benchmarks

@@ -29,7 +29,7 @@ CHANGELOG = ROOT / "CHANGELOG.md"  # names commands and words of earlier release
 LINE = 140
 LARGEST_PICTURE_BYTES = 300_000
 GLOSSARY = ROOT / "docs" / "glossary.md"
-STARTS = [ROOT / "README.md", ROOT / "docs" / "architecture.md"]
+STARTS = [ROOT / "README.md", ROOT / "docs" / "index.md"]
 FOLDERS = sorted(place.name for place in ROOT.iterdir() if place.is_dir() and place.name[0].isalpha())
 # Options in the documents that are not those of `slopewatch`.
 FOREIGN = {"--recipe"}
