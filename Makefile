@@ -5,10 +5,12 @@ SHELL := /bin/bash
 
 PYTHON := .venv/bin/python
 QGIS_PYTHON := .venv-qgis/bin/python
+# The environment of `make setup` where there is one, else that which is active.
+CHECK := $(if $(wildcard $(PYTHON)),.venv/bin/)
 ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/engine tests/models tests/simulation tests/workflows tests/cli \
 	tests/refusals tests/trust tests/accuracy tests/scripts tests/benchmarks)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
-TYPED := interface engine models simulation workflows cli benchmarks
+TYPED := interface engine models simulation workflows cli api library benchmarks
 FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core tests/engine/statistics tests/engine/geometry tests/engine/crs \
 	tests/engine/grid tests/engine/epochs tests/engine/vector)
 # More options for pytest: make test PYTEST="-k ground -x"
@@ -36,8 +38,8 @@ test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis
 	QT_QPA_PLATFORM=offscreen PYTHONPATH=/usr/share/qgis/python/plugins $(QGIS_PYTHON) -m pytest $(PARALLEL) --maxprocesses 4 \
 		$(PLUGIN_TESTS) $(PYTEST)
 
-check: lint  ## lint and the fast tests, without QGIS
-	$(ONE_THREAD) $(PYTHON) -m pytest -n auto --dist loadfile $(FAST_TESTS) $(PYTEST)  # short files: no cloud is made twice
+check: lint  ## lint and the fast tests: needs `pip install -e .[dev]` alone, neither PDAL nor QGIS
+	$(ONE_THREAD) $(CHECK)python -m pytest -n auto --dist loadfile -m "not slow" $(FAST_TESTS) $(PYTEST)
 
 fuzz: setup  ## Damaged files of every kind through the commands, for 20 minutes (FUZZ="--minutes 5 --seed 2")
 	$(ONE_THREAD) OMP_NUM_THREADS=1 nice -n 10 $(PYTHON) -m slopewatch.tests.fuzz --minutes 20 $(FUZZ)
@@ -46,11 +48,12 @@ kills: setup  ## Commands killed at every rename and at random moments, full dis
 	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) scripts/kills_at_renames.py
 	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) scripts/kills.py $(KILLS)
 
-lint: setup  ## ruff, mypy and the layers of the packages
-	$(PYTHON) -m ruff check .
-	$(PYTHON) -m ruff format --check .
-	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED)) -p slopewatch.api -p slopewatch.library
-	PYTHONPATH=.setup/package .venv/bin/lint-imports
+lint:  ## ruff, mypy and the layers of the packages
+	mkdir -p .setup/package && ln -sfn "$(CURDIR)" .setup/package/slopewatch  # the name under which mypy finds it
+	$(CHECK)python -m ruff check .
+	$(CHECK)python -m ruff format --check .
+	MYPYPATH=.setup/package $(CHECK)python -m mypy $(addprefix -p slopewatch.,$(TYPED))
+	PYTHONPATH=.setup/package $(CHECK)lint-imports
 
 format:  ## Let ruff rewrite what it can
 	$(PYTHON) -m ruff check --fix .

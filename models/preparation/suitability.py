@@ -28,7 +28,7 @@ _MAX_SCATTER_LEFT = 0.15
 """Two slopes: what two planes leave of the scatter about one. Where two planes meet it was 0.01 to 0.04, on 28 real and
 simulated single slopes, gullied ones among them, 0.28 to 0.71."""
 _MAX_BARE_SCATTER_M = 0.15
-"""Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see docs/adr/0005-raw-clouds-are-recognised.md."""
+"""Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see ADR 0005."""
 _MAX_ROUGH_SHARE = 0.15
 _MIN_CELL_POINTS = 6
 _SPARSE, _SPARSE_CELL_M = 4.0, 3.0

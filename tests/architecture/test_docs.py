@@ -17,12 +17,12 @@ from slopewatch.engine.objects import table as objects
 from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
 from slopewatch.engine.zones import confirmation, fields
 from slopewatch.models.screening import zones as screened_zones
+from slopewatch.tests.builders.walk import ROOT, faults, text_of
 from slopewatch.workflows.last_epoch import SCREENING_OUTPUTS
 from slopewatch.workflows.products.change import CHANGE_OUTPUTS, ON_REQUEST
 from slopewatch.workflows.products.displacement import DISPLACEMENT_OUTPUTS
 from slopewatch.workflows.products.series import SERIES_OUTPUTS
 
-ROOT = Path(__file__).resolve().parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
 DOCUMENTS = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")), *DOCS]
 CHANGELOG = ROOT / "CHANGELOG.md"  # names commands and words of earlier releases
@@ -33,9 +33,6 @@ STARTS = [ROOT / "README.md", ROOT / "docs" / "index.md"]
 FOLDERS = sorted(place.name for place in ROOT.iterdir() if place.is_dir() and place.name[0].isalpha())
 # Options in the documents that are not those of `slopewatch`.
 FOREIGN = {"--recipe"}
-
-each = pytest.mark.parametrize("path", DOCUMENTS, ids=lambda p: p.relative_to(ROOT).as_posix())
-
 
 MOTION_FILES = tuple(name for name in DISPLACEMENT_OUTPUTS if not name.endswith(".qml"))
 
@@ -178,14 +175,12 @@ def test_there_are_documents():
     assert sum(len(links(path.read_text(encoding="utf-8"))) for path in DOCUMENTS) > 150
 
 
-@pytest.mark.parametrize("path", [*DOCUMENTS, CHANGELOG], ids=lambda p: p.relative_to(ROOT).as_posix())
-def test_lines_fit(path):
-    assert too_long(path.read_text(encoding="utf-8")) == []
+def test_lines_fit():
+    assert faults([*DOCUMENTS, CHANGELOG], lambda path: too_long(text_of(path))) == {}
 
 
-@pytest.mark.parametrize("path", [*DOCUMENTS, CHANGELOG], ids=lambda p: p.relative_to(ROOT).as_posix())
-def test_links_lead_somewhere(path):
-    assert broken_links(path) == []
+def test_links_lead_somewhere():
+    assert faults([*DOCUMENTS, CHANGELOG], broken_links) == {}
 
 
 def test_pictures_are_shown_and_small():
@@ -195,28 +190,24 @@ def test_pictures_are_shown_and_small():
     assert [p.name for p in pictures if p.stat().st_size > LARGEST_PICTURE_BYTES] == []
 
 
-@each
-def test_commands_and_options_exist(path):
-    assert [name for piece in code(path.read_text(encoding="utf-8")) for name in unknown(piece)] == []
+def test_commands_and_options_exist():
+    assert faults(DOCUMENTS, lambda path: (n for piece in code(text_of(path)) for n in unknown(piece))) == {}
 
 
-@each
-def test_modules_that_are_started_exist(path):
-    assert [name for piece in code(path.read_text(encoding="utf-8")) for name in unknown_modules(piece)] == []
+def test_modules_that_are_started_exist():
+    assert faults(DOCUMENTS, lambda path: (n for piece in code(text_of(path)) for n in unknown_modules(piece))) == {}
 
 
-@each
-def test_files_that_are_named_exist(path):
-    assert missing_files(path.read_text(encoding="utf-8")) == []
+def test_files_that_are_named_exist():
+    assert faults(DOCUMENTS, lambda path: missing_files(text_of(path))) == {}
 
 
 def test_every_page_is_reached():
     assert sorted(set(DOCS) - reached(STARTS)) == []
 
 
-@each
-def test_words_of_the_glossary(path):
-    assert banned(path.read_text(encoding="utf-8")) == [], BANNED
+def test_words_of_the_glossary():
+    assert faults(DOCUMENTS, lambda path: banned(text_of(path))) == {}
 
 
 @pytest.mark.parametrize(

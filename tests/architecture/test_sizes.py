@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from slopewatch.tests.builders.walk import ROOT, nodes_in, text_of
 
-ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ["api", "cli", "engine", "interface", "library", "models", "workflows"]
 MODULE, FUNCTION, PARAMETERS = 400, 60, 7
 
@@ -61,11 +60,11 @@ def modules() -> Iterator[tuple[str, str]]:
     for source in SOURCES:
         place = ROOT / source
         for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
-            yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+            yield path.relative_to(ROOT).as_posix(), text_of(path)
 
 
 def functions(text: str) -> Iterator[Function]:
-    yield from (node for node in ast.walk(ast.parse(text)) if isinstance(node, Function))
+    yield from (node for node in nodes_in(text) if isinstance(node, Function))
 
 
 def length(function: Function) -> int:

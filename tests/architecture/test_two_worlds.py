@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from slopewatch.tests.builders.walk import ROOT, faults, nodes_in, text_of
 
-ROOT = Path(__file__).resolve().parents[2]
 QGIS_WORLD = sorted([*ROOT.glob("plugin/**/*.py"), *ROOT.glob("processing_algorithms/**/*.py"), ROOT / "__init__.py"])
 ENGINE_WORLD = sorted(
     p
@@ -22,7 +22,7 @@ SHARED = sorted((ROOT / "interface").glob("**/*.py"))
 def imports(path: Path) -> Iterator[str]:
     """What a file imports, anywhere in it; relative ones as slopewatch.folder.module."""
     package = ("slopewatch", *path.relative_to(ROOT).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
+    for node in nodes_in(text_of(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -43,58 +43,64 @@ def allowed_in_qgis(name: str) -> bool:
     return top in ("qgis", "processing") or top in sys.stdlib_module_names  # processing comes with QGIS
 
 
-@pytest.mark.parametrize("path", QGIS_WORLD, ids=lambda p: str(p.relative_to(ROOT)))
-def test_the_qgis_world_imports_qgis_the_standard_library_and_the_interface(path: Path) -> None:
-    # the public API and the library are loaded on first use only, which is never in QGIS
-    late = {".api", ".library"} if path == ROOT / "__init__.py" else set()
-    assert [name for name in imports(path) if name not in late and not allowed_in_qgis(name)] == []
+def beyond(path: Path, *own: str) -> list[str]:
+    """Imports of a file that are neither the standard library nor begin with one of ``own``."""
+    return [n for n in imports(path) if not n.startswith(own) and n.partition(".")[0] not in sys.stdlib_module_names]
 
 
-@pytest.mark.parametrize("path", ENGINE_WORLD, ids=lambda p: str(p.relative_to(ROOT)))
-def test_the_engine_world_imports_no_qgis(path: Path) -> None:
+def test_the_qgis_world_imports_qgis_the_standard_library_and_the_interface() -> None:
+    late = {ROOT / "__init__.py": {".api", ".library"}}  # loaded on first use only, which is never in QGIS
+    assert (
+        faults(QGIS_WORLD, lambda p: (n for n in imports(p) if n not in late.get(p, ()) and not allowed_in_qgis(n)))
+        == {}
+    )
+
+
+def test_the_engine_world_imports_no_qgis() -> None:
     refused = ("qgis", "PyQt5", "PyQt6", "osgeo", "slopewatch.plugin", "slopewatch.processing_algorithms")
-    assert [n for n in imports(path) if n.startswith(refused)] == []
+    assert faults(ENGINE_WORLD, lambda path: (n for n in imports(path) if n.startswith(refused))) == {}
 
 
-@pytest.mark.parametrize("path", SHARED, ids=lambda p: str(p.relative_to(ROOT)))
-def test_the_interface_imports_itself_and_the_standard_library_only(path: Path) -> None:
-    own = "slopewatch.interface."
-    assert [
-        n for n in imports(path) if not n.startswith(own) and n.partition(".")[0] not in sys.stdlib_module_names
-    ] == []
+def test_the_interface_imports_itself_and_the_standard_library_only() -> None:
+    assert faults(SHARED, lambda path: beyond(path, "slopewatch.interface.")) == {}
 
 
-@pytest.mark.parametrize("path", [*QGIS_WORLD, *SHARED], ids=lambda p: str(p.relative_to(ROOT)))
-def test_the_qgis_world_is_python_3_9(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"), feature_version=(3, 9))
+def newer_than_3_9(path: Path) -> Iterator[str]:
+    """What Python 3.9 does not know."""
+    tree = ast.parse(text_of(path), feature_version=(3, 9))
     lazy = any(
         isinstance(n, ast.ImportFrom) and n.module == "__future__" and n.names[0].name == "annotations"
         for n in tree.body
     )
-    assert lazy or not any(
-        isinstance(n, ast.AnnAssign | ast.arg) and getattr(n, "annotation", None) for n in ast.walk(tree)
-    )
     for node in ast.walk(tree):
-        assert not isinstance(node, ast.Match | ast.TryStar)
-        if isinstance(node, ast.Call):
-            assert not any(k.arg in ("strict", "slots", "kw_only") for k in node.keywords), f"line {node.lineno}"
+        if not lazy and isinstance(node, ast.AnnAssign | ast.arg) and getattr(node, "annotation", None):
+            yield "annotations without the future import"
+        if isinstance(node, ast.Match | ast.TryStar):
+            yield f"line {node.lineno}: a statement"
+        if isinstance(node, ast.Call) and any(k.arg in ("strict", "slots", "kw_only") for k in node.keywords):
+            yield f"line {node.lineno}: an argument"
 
 
-@pytest.mark.parametrize("path", [*QGIS_WORLD, *ENGINE_WORLD], ids=lambda p: str(p.relative_to(ROOT)))
-def test_nothing_that_the_plugin_repository_refuses(path: Path) -> None:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call):
-            called = ast.unparse(node.func)
-            assert called not in ("exec", "eval", "compile"), f"line {node.lineno}"
-            assert not called.endswith(("yaml.load", "tarfile.extractall", "os.system", "os.popen")), (
-                f"line {node.lineno}"
-            )
-            for keyword in node.keywords:
-                shell = keyword.arg == "shell" and not (
-                    isinstance(keyword.value, ast.Constant) and keyword.value.value is False
-                )
-                assert not shell, f"line {node.lineno}"
-    assert not [n for n in imports(path) if n.partition(".")[0] in ("pickle", "cPickle", "marshal", "shelve", "dill")]
+def test_the_qgis_world_is_python_3_9() -> None:
+    assert faults([*QGIS_WORLD, *SHARED], newer_than_3_9) == {}
+
+
+def refused_by_the_repository(path: Path) -> Iterator[str]:
+    """What QGIS's plugin repository takes for a danger."""
+    for node in nodes_in(text_of(path)):
+        if not isinstance(node, ast.Call):
+            continue
+        called = ast.unparse(node.func)
+        shells = [k.value for k in node.keywords if k.arg == "shell"]
+        shell = any(not (isinstance(value, ast.Constant) and value.value is False) for value in shells)
+        dangerous = called.endswith(("yaml.load", "tarfile.extractall", "os.system", "os.popen"))
+        if shell or dangerous or called in ("exec", "eval", "compile"):
+            yield f"line {node.lineno}: {called}"
+    yield from (n for n in imports(path) if n.partition(".")[0] in ("pickle", "cPickle", "marshal", "shelve", "dill"))
+
+
+def test_nothing_that_the_plugin_repository_refuses() -> None:
+    assert faults([*QGIS_WORLD, *ENGINE_WORLD], refused_by_the_repository) == {}
 
 
 def test_the_rule_sees_a_breach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,14 +111,15 @@ def test_the_rule_sees_a_breach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         "def f():\n    import numpy\n    from ..engine import change\n    from ..interface.parameters import PROFILES\n"
     )
     assert [n for n in imports(breach) if not allowed_in_qgis(n)] == ["numpy", "slopewatch.engine.change"]
+    breach.write_text("def f(x: int):\n    eval(x)\n    zip(x, strict=True)\n    run(shell=x)\n    import pickle\n")
+    text_of.cache_clear()
+    assert len(list(refused_by_the_repository(breach))) == 3
+    assert len(list(newer_than_3_9(breach))) == 2
 
 
 SETUP = sorted((ROOT / "plugin" / "bridge" / "setup").glob("*.py"))
 
 
-@pytest.mark.parametrize("path", SETUP, ids=lambda p: p.name)
-def test_the_set_up_needs_no_qgis(path: Path) -> None:
+def test_the_set_up_needs_no_qgis() -> None:
     """So that it can be tested, and run, on any system."""
-    own = ("slopewatch.plugin.bridge.setup", "slopewatch.interface.")
-    found = [n for n in imports(path) if not n.startswith(own) and n.partition(".")[0] not in sys.stdlib_module_names]
-    assert found == []
+    assert faults(SETUP, lambda path: beyond(path, "slopewatch.plugin.bridge.setup", "slopewatch.interface.")) == {}

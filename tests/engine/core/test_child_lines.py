@@ -34,6 +34,7 @@ def test_a_child_whose_lines_cannot_be_used_is_ended() -> None:
     assert time.monotonic() - started < PATIENCE_S
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="groups of processes")
 def test_a_child_that_takes_too_long_is_ended_with_its_own_children(tmp_path: Path) -> None:
     code = (

@@ -252,6 +252,7 @@ def test_simulated_surveys_tell_their_days(tmp_path):
     assert checked(*(Epoch(p, d) for p, d in zip(paths, (MAY24, MAY25), strict=True))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("point_format", [1, 6])
 def test_extracted_ground_tells_the_same(tmp_path, point_format):
     found = find_pdal()
@@ -301,6 +302,7 @@ def test_every_command_with_days_refuses_swapped_surveys(tmp_path, pair, command
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["change", "m3c2", "series"])
 def test_trusted_days_go_on_with_a_warning(tmp_path, pair, command):
     folder = tmp_path / "out"

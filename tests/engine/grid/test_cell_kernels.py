@@ -79,6 +79,7 @@ def test_values_are_those_of_numpy(least):
     assert 0 < np.count_nonzero(found[4]) < n.size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [2, 3, 5, 14])
 @pytest.mark.parametrize("band", [1, 10**6])
 def test_planes_are_those_of_numpy(radius, band, monkeypatch):

@@ -202,6 +202,7 @@ def test_the_memory_that_growing_cells_take_counts():
         common_grid(wide, wide, ChangeParameters(adaptive=adaptive, memory_limit=limit, cell=fits))
 
 
+@pytest.mark.slow
 def test_a_known_change_under_simulated_plants_is_recovered():
     """Three changes of up to 0.3 m under plants on 80 % of the slope, 16 ground points a square metre."""
     pair = simulate_pair(SurveyParameters(seed=3, points=60_000, length=30, height=12, vegetation=0.8, offset=0.0))

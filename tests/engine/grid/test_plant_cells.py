@@ -31,6 +31,7 @@ TALL, MOWN = Grass(0.25, lifted=0.08, error=0.03), Grass(0.05, lifted=0.01, erro
 
 
 @pytest.mark.parametrize("point_format", [3, 6, 7])
+@pytest.mark.slow
 def test_both_dimensions_are_read_whatever_stands_beside_them(tmp_path, las_file, point_format):
     def more(las: laspy.LasData) -> None:
         kinds = {"before": np.uint16, "plant_height": np.float32, "between": np.float64, "plant_error": np.float32}
@@ -51,6 +52,7 @@ def test_both_dimensions_are_read_whatever_stands_beside_them(tmp_path, las_file
         assert np.array_equal(plain.plants.error, cloud.plant_error)
 
 
+@pytest.mark.slow
 def test_a_scaled_dimension_means_what_its_scale_says(tmp_path, las_file):
     def more(las: laspy.LasData) -> None:
         las.add_extra_dim(laspy.ExtraBytesParams("plant_error", np.uint16, scales=[0.001], offsets=[0.0]))
@@ -63,11 +65,13 @@ def test_a_scaled_dimension_means_what_its_scale_says(tmp_path, las_file):
     assert cloud.plants.height is None
 
 
+@pytest.mark.slow
 def test_a_cloud_of_another_program_tells_nothing(tmp_path, las_file):
     cloud = read_cloud(las_file(tmp_path / "c.laz"))
     assert cloud.plant_error is cloud.plant_height is cloud.plants is None
 
 
+@pytest.mark.slow
 def test_copies_and_moved_clouds_keep_what_is_known_of_their_points(tmp_path):
     ground = grassy_slope(1, TALL, points=5_000)
     source = write_ground(tmp_path / "ground.laz", ground)
@@ -109,6 +113,7 @@ def run(mown, tmp_path_factory) -> tuple[Path, Path]:
     return folder / "aligned.laz", folder / "out"
 
 
+@pytest.mark.slow
 def test_the_aligned_cloud_keeps_them_and_lies_right(mown, run):
     aligned, before = read_cloud(run[0]), read_cloud(mown[1])
     assert np.array_equal(aligned.plant_error, before.plant_error)
@@ -119,6 +124,7 @@ def test_the_aligned_cloud_keeps_them_and_lies_right(mown, run):
     assert json.loads((run[0].parent / "aligned_run.json").read_text())["stages"][1]["registered_on_bare_ground"]
 
 
+@pytest.mark.slow
 def test_a_change_writes_the_term_and_finds_the_slump_alone(run):
     folder = run[1]
     record = json.loads((folder / "run.json").read_text())
@@ -144,6 +150,7 @@ def test_a_change_writes_the_term_and_finds_the_slump_alone(run):
     assert sum("The plants stood 0.25 m" in w for w in record["warnings"]) == 1
 
 
+@pytest.mark.slow
 def test_what_plants_explain_is_a_raster_of_its_own(run):
     record = json.loads((run[1] / "run.json").read_text())
     area = record["metrics"]["plant_change_area_m2"]
@@ -155,6 +162,7 @@ def test_what_plants_explain_is_a_raster_of_its_own(run):
     assert area > 1
 
 
+@pytest.mark.slow
 def test_the_report_tells_the_term_and_the_season(run):
     page = (run[1] / "report.html").read_text()
     assert "What the cells’ errors are made of" in page
@@ -163,6 +171,7 @@ def test_the_report_tells_the_term_and_the_season(run):
     assert "/metrics/plant_change_area_m2" in page
 
 
+@pytest.mark.slow
 def test_ground_that_tells_nothing_gives_the_outputs_of_before(mown, tmp_path):
     clouds = []
     for seed, path in zip((1, 2), mown, strict=True):
@@ -179,6 +188,7 @@ def test_ground_that_tells_nothing_gives_the_outputs_of_before(mown, tmp_path):
     assert "Plants make the ground" not in (tmp_path / "out" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_series_keeps_the_term_from_run_to_run(tmp_path):
     """A slump that goes on under grass of one season; its error does not fall below the plants'."""
     days = ("2024-05-01", "2024-08-01", "2024-11-01")

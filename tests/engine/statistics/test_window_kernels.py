@@ -20,6 +20,7 @@ def numba_at_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled, "_AT_WORK", event)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0, 1, 2, 3, 5, 9])
 @pytest.mark.parametrize("lines", [1, 7, 100])
 def test_sums_are_those_of_numpy_and_of_every_cell(radius, lines, monkeypatch):
