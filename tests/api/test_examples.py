@@ -31,7 +31,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     slope = shapely.box(500_000, 3_500_000, 500_020, 3_500_020)
     gpd.GeoDataFrame(geometry=[slope], crs="EPSG:32651").to_file(outline)
     earlier = ("may24.laz", "may24_ground.laz", "2024-05-01.laz")
-    return {name: first for name in earlier} | {
+    return dict.fromkeys(earlier, first) | {
         "may25.laz": later,
         "may25_ground.laz": later,
         "2025-05-01.laz": later,
@@ -44,7 +44,9 @@ def test_there_are_examples() -> None:
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_the_example_runs(example: str, files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_runs(
+    example: str, files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name, file in files.items():
         (tmp_path / name).symlink_to(file)
     monkeypatch.chdir(tmp_path)

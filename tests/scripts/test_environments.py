@@ -121,7 +121,7 @@ def test_every_dependency_is_pinned_and_in_the_conda_file(root):
     pinned = {line.partition("==")[0] for line in lock.splitlines() if not line.startswith(("#", " "))}
     conda = (root / "environment.yml").read_text(encoding="utf-8")
     names = {name(text) for text in project["dependencies"]}
-    groups = {key: group for key, group in project["optional-dependencies"].items() if key != "docs"}  # no set-up has it
+    groups = {key: group for key, group in project["optional-dependencies"].items() if key != "docs"}
     extras = {name(text) for group in groups.values() for text in group}
     assert names | extras <= pinned
     assert {f"  - {conda_name}" for conda_name in names if f"  - {conda_name} " not in conda} <= {"  - matplotlib"}
