@@ -42,11 +42,11 @@ check: lint  ## lint and the fast tests: needs `pip install -e .[dev]` alone, ne
 	$(ONE_THREAD) $(CHECK)python -m pytest -n auto --dist loadfile -m "not slow" $(FAST_TESTS) $(PYTEST)
 
 fuzz: setup  ## Damaged files of every kind through the commands, for 20 minutes (FUZZ="--minutes 5 --seed 2")
-	$(ONE_THREAD) OMP_NUM_THREADS=1 nice -n 10 $(PYTHON) -m slopewatch.tests.fuzz --minutes 20 $(FUZZ)
+	$(ONE_THREAD) OMP_NUM_THREADS=1 nice -n 10 $(PYTHON) -m slopewatch.lab.fuzz --minutes 20 $(FUZZ)
 
 kills: setup  ## Commands killed at every rename and at random moments, full disks, removed folders, two runs at once
-	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) scripts/kills_at_renames.py
-	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) scripts/kills.py $(KILLS)
+	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) lab/kills/kills_at_renames.py
+	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) lab/kills/kills.py $(KILLS)
 
 lint:  ## ruff, mypy and the layers of the packages
 	mkdir -p .setup/package && ln -sfn "$(CURDIR)" .setup/package/slopewatch  # the name under which mypy finds it
@@ -65,16 +65,16 @@ docs:  ## The documents as a site in build/site; needs only Python and pip
 	PYTHONPATH= NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --strict
 
 bench: setup  ## Accuracy and speed compared with the published method and its peers, as a table
-	$(PYTHON) -m slopewatch.benchmarks
+	$(PYTHON) -m slopewatch.lab.benchmarks
 
 model: setup  ## The shipped screening weights, their figures and card, from nothing (hours on a processor; goes on where broken off)
-	$(PYTHON) -m slopewatch.models.making weights --folder build/model/weights
-	$(PYTHON) -m slopewatch.models.making figures
-	$(PYTHON) -m slopewatch.models.making figures --residual
+	$(PYTHON) -m slopewatch.lab.making weights --folder build/model/weights
+	$(PYTHON) -m slopewatch.lab.making figures
+	$(PYTHON) -m slopewatch.lab.making figures --residual
 	for recipe in slopewatch paper residual; do \
-		$(PYTHON) -m slopewatch.models.making folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
-	$(PYTHON) -m slopewatch.models.making ablation --folder build/model/ablation
-	$(PYTHON) -m slopewatch.models.making card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
+		$(PYTHON) -m slopewatch.lab.making folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
+	$(PYTHON) -m slopewatch.lab.making ablation --folder build/model/ablation
+	$(PYTHON) -m slopewatch.lab.making card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
 
 # The weights of the network on relief in two stages, the second at half the rate; both go on where they were broken off.
 model-relief: setup  ## The same for the network on relief: make model-relief GROUND=folder of real ground (2 hours)

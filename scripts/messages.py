@@ -211,7 +211,7 @@ WORDS = (
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""
-LEFT_OUT = ("models/making", "interface/language")
+LEFT_OUT = ("lab/making", "interface/language")
 CATALOGUE = ROOT / "interface" / "language" / "zh_CN.po"
 NOT_SHOWN = "#. not shown"
 _LABEL = re.compile(r"[A-Z][a-z]{2,}(?:-[a-z]+)*…?")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from slopewatch.benchmarks.chain import inside
+from slopewatch.lab.benchmarks.chain import inside
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.pointcloud.reading import read_cloud

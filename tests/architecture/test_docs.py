@@ -10,8 +10,8 @@ from pathlib import Path
 
 import click
 import pytest
-from slopewatch.benchmarks.__main__ import COMMANDS as BENCHMARKS_WITH_OPTIONS
-from slopewatch.benchmarks.__main__ import NAMES
+from slopewatch.lab.benchmarks.__main__ import COMMANDS as BENCHMARKS_WITH_OPTIONS
+from slopewatch.lab.benchmarks.__main__ import NAMES
 from slopewatch.cli.program import cli
 from slopewatch.engine.objects import table as objects
 from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
@@ -132,7 +132,7 @@ def unknown_modules(piece: str) -> list[str]:
         package = spec is not None and spec.submodule_search_locations is not None
         if spec is None or (package and importlib.util.find_spec(f"{module}.__main__") is None):
             wrong.append(module)
-        elif module == "slopewatch.benchmarks":
+        elif module == "slopewatch.lab.benchmarks":
             wrong += [name for name in rest.split() if name not in (*NAMES, *BENCHMARKS_WITH_OPTIONS)]
     return wrong
 
@@ -251,7 +251,7 @@ def test_faults_are_seen(tmp_path):
     ]
     assert unknown("--accept-unstable") == []
     assert unknown("--accept-unstables") == ["--accept-unstables"]
-    assert unknown_modules(".venv/bin/python -m slopewatch.benchmarks strips stripes") == ["stripes"]
+    assert unknown_modules(".venv/bin/python -m slopewatch.lab strips stripes") == ["stripes"]
     assert unknown_modules("python -m slopewatch.engine") == ["slopewatch.engine"]
     assert missing_files("`engine/core/errors.py` `engine/core/gone.py` `workflows/` `cli/NAME.py`") == [
         "engine/core/gone.py"

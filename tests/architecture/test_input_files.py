@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("interface", "engine", "models", "workflows", "cli", "api", "library")
-NOT_SHIPPED = "models/making"
+NOT_SHIPPED = "lab/making"
 READERS = {
     "open", "read_text", "read_bytes", "copyfile", "loadtxt", "genfromtxt", "memmap", "read_csv", "read_file",
     "read_dataframe", "read_arrow", "read_raw", "read_info", "list_layers", "load_file", "safe_open",

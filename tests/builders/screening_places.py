@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from slopewatch.benchmarks.screening_ground import POINTS, Place
-from slopewatch.benchmarks.screening_trials import Lattice, PlaceResult, Trial
+from slopewatch.lab.benchmarks.screening_ground import POINTS, Place
+from slopewatch.lab.benchmarks.screening_trials import Lattice, PlaceResult, Trial
 
 CELL = 0.5
 SIDE = 200

@@ -1,6 +1,6 @@
 """A real QGIS on a display in memory: the toolbox is opened, Inspect slope run from its dialog, layers are on the map.
 
-SLOPEWATCH_KEEP_IMAGES=FOLDER keeps the pictures of the session; scripts/screenshots.py makes those of the docs.
+SLOPEWATCH_KEEP_IMAGES=FOLDER keeps the pictures of the session; lab/sessions/screenshots.py makes those of the docs.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from slopewatch.plugin.shipped_model import TITLES as MODELS
 from slopewatch.processing_algorithms import ALGORITHMS
-from slopewatch.scripts.screenshots import run_session
+from slopewatch.lab.sessions.screenshots import run_session
 from slopewatch.tests.builders.limits import CANCELLED_S
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python, processes_with
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from qgis.PyQt.QtGui import QColor, QImage
-from slopewatch.scripts.screenshots import run_session
+from slopewatch.lab.sessions.screenshots import run_session
 from slopewatch.tests.builders.qgis import engine_python
 
 

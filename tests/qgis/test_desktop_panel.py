@@ -1,6 +1,6 @@
 """A real QGIS on a display in memory: the panel at work on a run, with real clicks on the map.
 
-SLOPEWATCH_KEEP_IMAGES=FOLDER keeps the pictures of the session; scripts/screenshots.py makes that of the docs.
+SLOPEWATCH_KEEP_IMAGES=FOLDER keeps the pictures of the session; lab/sessions/screenshots.py makes that of the docs.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from slopewatch.processing_algorithms import ALGORITHMS
-from slopewatch.scripts.screenshots import PANEL_SCREEN, run_session
+from slopewatch.lab.sessions.screenshots import PANEL_SCREEN, run_session
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 

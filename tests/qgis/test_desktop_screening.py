@@ -1,6 +1,6 @@
 """A real QGIS on a display in memory: Screen for hazards is run from its dialog, its layers are looked at on the map.
 
-SLOPEWATCH_KEEP_IMAGES=FOLDER keeps the pictures of the session; scripts/screenshots.py makes those of the docs.
+SLOPEWATCH_KEEP_IMAGES=FOLDER keeps the pictures of the session; lab/sessions/screenshots.py makes those of the docs.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from qgis.core import QgsRectangle, QgsVectorLayer
 from qgis.PyQt.QtGui import QColor, QImage
-from slopewatch.scripts.screenshots import run_session
+from slopewatch.lab.sessions.screenshots import run_session
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 SIGNS = {"subsidence": 1, "uplift": -1}  # of red less blue in the picture

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from slopewatch.scripts.screenshots import run_session
+from slopewatch.lab.sessions.screenshots import run_session
 from slopewatch.tests.builders.engine_setup import make_whole_plugin
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from slopewatch.plugin.slopewatch_plugin import MENU
-from slopewatch.scripts.screenshots import not_on_the_page
+from slopewatch.lab.sessions.screenshots import not_on_the_page
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "tutorial.md"

@@ -35,7 +35,7 @@ from slopewatch.engine.zones.profiles import read_profiles
 from slopewatch.models.configuration import SMOKE, ModelConfiguration
 from slopewatch.tests.builders.program import run
 from slopewatch.tests.builders.screening_clouds import small_weights
-from slopewatch.tests.fuzz.readers import RECORD
+from slopewatch.lab.fuzz.readers import RECORD
 
 
 def changed(*path: Any, value: Any) -> dict[str, Any]:

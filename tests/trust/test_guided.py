@@ -13,7 +13,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
-from slopewatch.tests.fuzz import mutations
+from slopewatch.lab.fuzz import mutations
 
 
 class Atheris:
@@ -41,9 +41,9 @@ def guided(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ModuleType, Atheri
     pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
     stand_in = Atheris()
     monkeypatch.setitem(sys.modules, "atheris", stand_in)
-    sys.modules.pop("slopewatch.tests.fuzz.guided", None)
-    yield importlib.import_module("slopewatch.tests.fuzz.guided"), stand_in
-    sys.modules.pop("slopewatch.tests.fuzz.guided", None)
+    sys.modules.pop("slopewatch.lab.fuzz.guided", None)
+    yield importlib.import_module("slopewatch.lab.fuzz.guided"), stand_in
+    sys.modules.pop("slopewatch.lab.fuzz.guided", None)
 
 
 def begun(module: ModuleType, folder: Path, name: str = "transform.json") -> Path:

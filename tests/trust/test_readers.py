@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from slopewatch.tests.fuzz.readers import READERS, refusal, sound_files
+from slopewatch.lab.fuzz.readers import READERS, refusal, sound_files
 
 
 @pytest.fixture(scope="module")

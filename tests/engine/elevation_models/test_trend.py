@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.benchmarks.volumes import correlated_field
+from slopewatch.lab.benchmarks.volumes import correlated_field
 from slopewatch.engine.elevation_models.trend import BEND, TILT, Trend, find_trend
 from slopewatch.engine.statistics.variogram import VariogramModel
 

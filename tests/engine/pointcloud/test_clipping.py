@@ -8,7 +8,7 @@ import laspy
 import numpy as np
 import pytest
 import shapely
-from slopewatch.benchmarks.real_data import DATA
+from slopewatch.lab.benchmarks.real_data import DATA
 from slopewatch.engine.ground.pdal_pipelines import clip_pipeline
 from slopewatch.engine.pointcloud.clipping import clip
 from slopewatch.engine.pointcloud.reading import open_cloud

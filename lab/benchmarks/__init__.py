@@ -1,0 +1,1 @@
+"""Measurements: ``python -m slopewatch.lab`` prints SlopeWatch's figures compared with those of peers."""
