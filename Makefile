@@ -8,9 +8,9 @@ QGIS_PYTHON := .venv-qgis/bin/python
 # The environment of `make setup` where there is one, else that which is active.
 CHECK := $(if $(wildcard $(PYTHON)),.venv/bin/)
 ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/engine tests/models tests/simulation tests/workflows tests/cli \
-	tests/refusals tests/trust tests/accuracy tests/scripts tests/benchmarks)
+	tests/refusals tests/trust tests/accuracy tests/scripts tests/lab)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
-TYPED := interface engine models simulation workflows cli api library benchmarks
+TYPED := interface engine models simulation workflows cli api library lab
 FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core tests/engine/statistics tests/engine/geometry tests/engine/crs \
 	tests/engine/grid tests/engine/epochs tests/engine/vector)
 # More options for pytest: make test PYTEST="-k ground -x"
@@ -65,7 +65,7 @@ docs:  ## The documents as a site in build/site; needs only Python and pip
 	PYTHONPATH= NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --strict
 
 bench: setup  ## Accuracy and speed compared with the published method and its peers, as a table
-	$(PYTHON) -m slopewatch.lab.benchmarks
+	$(PYTHON) -m slopewatch.lab
 
 model: setup  ## The shipped screening weights, their figures and card, from nothing (hours on a processor; goes on where broken off)
 	$(PYTHON) -m slopewatch.lab.making weights --folder build/model/weights

@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from .table import heading, markdown
+from .benchmarks.table import heading, markdown
 
 NAMES = {
     "controlled_test": "The published controlled test, simulated",
@@ -75,9 +75,9 @@ COMMANDS = {"peers": "peer_comparison", "growth": "growth"}
 def main(arguments: list[str]) -> int:
     """Print one table after the other; 1 if a target was missed."""
     if arguments and arguments[0] in COMMANDS:
-        module = importlib.import_module(f"{__package__}.{COMMANDS[arguments[0]]}")
+        module = importlib.import_module(f"{__package__}.benchmarks.{COMMANDS[arguments[0]]}")
         return int(module.main(arguments[1:]))
-    parser = argparse.ArgumentParser(prog="python -m slopewatch.lab.benchmarks")
+    parser = argparse.ArgumentParser(prog="python -m slopewatch.lab")
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument(
         "--results", type=Path, metavar="FOLDER", help=f"keep single results of {', '.join(sorted(KEPT))}"
@@ -94,7 +94,7 @@ def main(arguments: list[str]) -> int:
         started = time.monotonic()
         print(f"running {name} ...", file=sys.stderr, flush=True)
         keep = [options.results / f"{name}.csv"] if options.results and name in KEPT else []
-        rows = importlib.import_module(f"{__package__}.{name}").rows(*keep)
+        rows = importlib.import_module(f"{__package__}.benchmarks.{name}").rows(*keep)
         print(markdown(NAMES[name], rows), flush=True)
         print(f"{name} took {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
         missed = missed or any(row.met is False for row in rows)

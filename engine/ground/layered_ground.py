@@ -8,7 +8,7 @@
 4. Where returns are dense, smaller windows look for bare ground that bends within a larger one (edges of berms, cones).
 
 Nothing is ground because it is dense. Windows are as large as the density of returns demands. The constants were
-measured on real and simulated clouds, see benchmarks/real_ground.py and docs/ground.md.
+measured on real and simulated clouds, see lab/benchmarks/real_ground.py and docs/ground.md.
 """
 
 from __future__ import annotations

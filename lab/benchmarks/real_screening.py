@@ -1,6 +1,6 @@
 """Screening of real slopes: known hazards put in that are found, and what is shown where nothing was put in.
 
-``python -m slopewatch.lab.benchmarks.real_screening [--weights FILE] [--pictures FOLDER]`` prints the table. The clouds
+``python -m slopewatch.lab.real_screening [--weights FILE] [--pictures FOLDER]`` prints the table. The clouds
 lie next to the checkout (``../shared/data``). A hazard is found if at least half of its labelled points carry its
 class. So that ground which is shown anyhow does not count as skill, each recall is given with the share of the same
 places that the screening shows on the untouched cloud, with nothing put in; ``own_relief`` says what the slope itself
@@ -28,11 +28,11 @@ from ...engine.geometry.dominant_plane import apply_matrix
 from ...engine.ground.extraction import extract_ground
 from ...models.configuration import CLASSES, ModelConfiguration
 from ...models.inference.baseline import residual_probabilities
-from ..making.scene_scores import FOUND, SMALLEST_ZONE, ZONE_CELL
 from ...models.network.shipped import SHIPPED_WEIGHTS, shipped_model
 from ...models.preparation.prepare import prepare_cloud
 from ...models.preparation.trends import residual_heights
 from ...simulation.hazard_scenes.known_hazards import KnownHazards, Site, put_hazards, room_for
+from ..making.scene_scores import FOUND, SMALLEST_ZONE, ZONE_CELL
 from .own_relief import own_relief
 from .real_data import TILES
 from .table import Row, heading, markdown, say

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...engine.core.arrays import Float
-from ..making.rough_ground import scene_normal, texture
 from ...models.preparation.prepare import prepare_cloud, roughness
 from ...models.training.recipes import SHIPPED
 from ...simulation.hazard_scenes.scenes import build_scene
 from ...simulation.hazard_scenes.styles import draw_spec
+from ..making.rough_ground import scene_normal, texture
 from .real_screening import real_grounds, recall, screenings, trials
 from .table import Row
 

@@ -20,11 +20,11 @@ from ...engine.core.errors import InputError
 from ...engine.geometry.dominant_plane import apply_matrix
 from ...engine.ground.extraction import extract_ground
 from ...models.configuration import ModelConfiguration
-from ..making.relief_grounds import elevation_points
 from ...models.preparation.inserted_hazards import thinned
 from ...models.preparation.prepare import flat_frame
 from ...simulation.hazard_scenes.scenes import build_scene
 from ...simulation.hazard_scenes.styles import draw_spec
+from ..making.relief_grounds import elevation_points
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 FRAME = ModelConfiguration(features=("x", "y", "z"))

@@ -16,11 +16,11 @@ import numpy as np
 
 from ...engine.core.arrays import Float, Float32
 from ...engine.core.errors import InputError
-from ..making.relief_grounds import SITES
 from ...models.preparation.bump_filter import cell_heights
 from ...models.preparation.raster_zones import Scores
 from ...models.preparation.relative_scores import relative_scores
 from ...models.preparation.relief_channels import relief_channels
+from ..making.relief_grounds import SITES
 from .screening_ground import SIMULATED, Place
 from .screening_trials import Cells, Detector, network_scores
 

@@ -1,6 +1,6 @@
 """Screening where it counts: hazards put into real and simulated ground, found at one false zone per 1,000 m².
 
-``python -m slopewatch.lab.benchmarks.screening_sites --relief FILES`` prints the tables with the raster network by weights
+``python -m slopewatch.lab.screening_sites --relief FILES`` prints the tables with the raster network by weights
 that left surveys out (``training.left_out`` of their JSON; several seeds are runs of their own), ``--network`` adds the
 shipped network and both combined, ``--points FILES`` further weights of the network on points (such as those of a fold
 of the published pipeline) by their odds, ``--ground FILES`` surveys of one's own. ``--results FOLDER`` keeps scores, so

@@ -17,10 +17,10 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from slopewatch.tests.builders.program import LOADED
 from slopewatch.lab.fuzz.target import Target
 from slopewatch.lab.fuzz.targets import all_targets
 from slopewatch.lab.fuzz.trial import fault, run_apart
+from slopewatch.tests.builders.program import LOADED
 
 KEPT = Path(__file__).resolve().parents[2] / "build" / "fuzz"
 WIDTH = 30

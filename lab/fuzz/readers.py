@@ -15,13 +15,13 @@ from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.report.record_shape import run_record
 from slopewatch.engine.series.alerts import DEFAULT_TABLE, read_alerts
 from slopewatch.interface.parameters import InputParameters
+from slopewatch.lab.fuzz import mutations
+from slopewatch.lab.fuzz.mutations import Mutation
+from slopewatch.lab.fuzz.readers_given import GIVEN, write_given
 from slopewatch.models.network.description import read_description
 from slopewatch.models.network.weights import configuration_of
 from slopewatch.models.screening.relief import calibration_of
 from slopewatch.tests.builders import bad_inputs
-from slopewatch.lab.fuzz import mutations
-from slopewatch.lab.fuzz.mutations import Mutation
-from slopewatch.lab.fuzz.readers_given import GIVEN, write_given
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "models" / "weights"
 Reader = Callable[[Path], object]

@@ -19,9 +19,9 @@ from slopewatch.engine.vector.asset_classes import read_asset_classes
 from slopewatch.engine.vector.field_mapping import read_field_mapping
 from slopewatch.interface.parameters import ParameterError, command_sets
 from slopewatch.interface.settings_file import read_settings
-from slopewatch.tests.builders import elevation_models, epoch_pairs, flights
 from slopewatch.lab.fuzz import mutations, targets_given
 from slopewatch.lab.fuzz.mutations import Mutation
+from slopewatch.tests.builders import elevation_models, epoch_pairs, flights
 from slopewatch.workflows.batch.dask_cluster import read_queue
 from slopewatch.workflows.batch.manifest import read_manifest
 from slopewatch.workflows.compareflight import read_promised

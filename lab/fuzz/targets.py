@@ -10,9 +10,9 @@ import geopandas
 import numpy as np
 import shapely
 from slopewatch.engine.series.alerts import DEFAULT_TABLE
-from slopewatch.tests.builders import epoch_pairs, screening_clouds
 from slopewatch.lab.fuzz import mutations, targets_given, targets_results
 from slopewatch.lab.fuzz.target import Target, sound
+from slopewatch.tests.builders import epoch_pairs, screening_clouds
 
 COARSE = ("--cell", "0.5", "--zone-profiles", "0")
 

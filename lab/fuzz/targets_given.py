@@ -13,9 +13,9 @@ import numpy as np
 import rasterio
 import shapely
 from pyproj import CRS
-from slopewatch.tests.builders import copc_file, elevation_models, epoch_pairs, flights, label_studio
 from slopewatch.lab.fuzz import mutations
 from slopewatch.lab.fuzz.target import Target, sound
+from slopewatch.tests.builders import copc_file, elevation_models, epoch_pairs, flights, label_studio
 
 X, Y = epoch_pairs.X, epoch_pairs.Y
 

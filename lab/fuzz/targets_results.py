@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from slopewatch.tests.builders import elevation_models, known_changes, known_truth
-from slopewatch.tests.builders.elevation_models import hills, noise
 from slopewatch.lab.fuzz import mutations
 from slopewatch.lab.fuzz.mutations import Mutation
 from slopewatch.lab.fuzz.target import Target, sound
+from slopewatch.tests.builders import elevation_models, known_changes, known_truth
+from slopewatch.tests.builders.elevation_models import hills, noise
 
 READY = ("--ground-ready", "--no-rasters-each-survey", "--cell", "0.5", "--method", "none")
 _FEW = ("--surface-points", "900")

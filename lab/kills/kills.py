@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Kill commands at random moments and look at what is left: ``lab/kills/kills.py [inspect|series|train ...] --kills 20``.
+"""Kill commands at random moments and look at the rest: ``lab/kills/kills.py [inspect|series|train ...] --kills 20``.
 
 Each kill is SIGKILL to the program alone, at a random share of the time that it takes undisturbed. Then no process that
 it started may live on for long, and no file may look like a result unless the result is whole. The next run starts in

@@ -47,9 +47,9 @@ def folds(
     session: Session, recipe: str, scenes: int, steps: int, only: tuple[int, ...], device: str, folder: Path
 ) -> RunResult:
     """Five folds by scene of the published set: train and score each."""
-    from ...simulation.hazard_scenes.sets import published_set
     from ...models.network.availability import chosen_device
     from ...models.training.recipes import RECIPES
+    from ...simulation.hazard_scenes.sets import published_set
     from .folds import score_folds, score_residual
 
     _one_thread()
@@ -72,11 +72,11 @@ def folds(
 @command(profile=False)
 def weights(session: Session, minutes: float, device: str, folder: Path) -> RunResult:
     """Train the shipped weights from nothing, calibrate them and write them with their description."""
-    from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION
     from ...models.network.availability import chosen_device
     from ...models.network.shipped import SHIPPED_WEIGHTS
     from ...models.network.weights import save_model
     from ...models.training.recipes import SHIPPED
+    from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION
     from .shipping import calibrate, train_shipped
 
     _one_thread()

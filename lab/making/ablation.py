@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.core.progress import Progress
-from ...simulation.hazard_scenes.scenes import build_scene
-from ...simulation.hazard_scenes.sets import training_specs
-from ...simulation.hazard_scenes.styles import SceneSpec
 from ...models.inference.prediction import predict
 from ...models.network.batches import Augmentation
 from ...models.network.randlanet import RandLANet
 from ...models.training.recipes import HALF_WIDTH, PUBLISHED, SLOPEWATCH, Recipe
+from ...simulation.hazard_scenes.scenes import build_scene
+from ...simulation.hazard_scenes.sets import training_specs
+from ...simulation.hazard_scenes.styles import SceneSpec
 from .folds import score_scenes
 from .scene_blocks import scene_blocks
 from .scene_scores import SceneScores

@@ -14,14 +14,14 @@ from typing import Any
 import torch
 
 from ...engine.core.progress import Progress
-from ...simulation.hazard_scenes.scenes import build_scene
-from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION, SceneSpec
 from ...models.inference.baseline import residual_probabilities
 from ...models.inference.prediction import predict
 from ...models.network.weights import save_model
 from ...models.preparation.prepare import Block
 from ...models.training.cross_validation import Fold, cross_validate, folds
 from ...models.training.recipes import Recipe
+from ...simulation.hazard_scenes.scenes import build_scene
+from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION, SceneSpec
 from .scene_blocks import scene_blocks
 from .scene_scores import SceneScores
 

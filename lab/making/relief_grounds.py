@@ -17,12 +17,12 @@ import rasterio
 from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
-from ...simulation.hazard_scenes.scenes import build_scene
-from ...simulation.hazard_scenes.styles import SceneSpec, log_uniform
-from ...simulation.hazard_scenes.terrain import build_terrain
 from ...models.preparation.inserted_hazards import ground_density, thinned
 from ...models.preparation.prepare import UNKNOWN
 from ...models.training.relief_patches import Ground
+from ...simulation.hazard_scenes.scenes import build_scene
+from ...simulation.hazard_scenes.styles import SceneSpec, log_uniform
+from ...simulation.hazard_scenes.terrain import build_terrain
 from .left_by_plants import left_by_plants
 from .rough_ground import natural, textured, with_relief
 from .shipping import training_scenes

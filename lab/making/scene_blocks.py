@@ -8,9 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...simulation.hazard_scenes.scenes import SimulatedScene
 from ...models.preparation.prepare import UNKNOWN, Block
 from ...models.training.recipes import Recipe
+from ...simulation.hazard_scenes.scenes import SimulatedScene
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")

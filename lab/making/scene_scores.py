@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label
 
-from ...simulation.hazard_scenes.negatives import Negative
-from ...simulation.hazard_scenes.scenes import SimulatedScene
 from ...models.configuration import CLASSES
 from ...models.inference.calibration_bins import Labels
 from ...models.training.evaluation import LabelScores, rounded
+from ...simulation.hazard_scenes.negatives import Negative
+from ...simulation.hazard_scenes.scenes import SimulatedScene
 
 AMPLITUDES = (0.0, 0.10, 0.15, 0.20, 0.30, 0.50, np.inf)
 SIZES = (0.0, 1.0, 2.0, 3.0, 5.0, np.inf)

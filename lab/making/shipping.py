@@ -15,15 +15,15 @@ import torch
 from numpy.typing import NDArray
 
 from ...engine.core.progress import Progress
-from ...simulation.hazard_scenes.scenes import build_scene
-from ...simulation.hazard_scenes.sets import FIRST_TRAINING_SEED, SETS
-from ...simulation.hazard_scenes.styles import SceneSpec, draw_spec, log_uniform
 from ...models.inference.baseline import residual_probabilities
 from ...models.inference.calibration import Calibration, apply_temperature, fit_temperature
 from ...models.inference.prediction import predict
 from ...models.network.randlanet import RandLANet
 from ...models.preparation.prepare import Block
 from ...models.training.recipes import Recipe
+from ...simulation.hazard_scenes.scenes import build_scene
+from ...simulation.hazard_scenes.sets import FIRST_TRAINING_SEED, SETS
+from ...simulation.hazard_scenes.styles import SceneSpec, draw_spec, log_uniform
 from .folds import score_scenes
 from .rough_ground import natural
 from .scene_blocks import in_order, scene_blocks

@@ -1,6 +1,6 @@
 """The picture in docs/dem_change.md: what a change between elevation models takes off, and what it leaves.
 
-``.venv/bin/python lab/pictures/demchange_picture.py [FILE]`` compares two surveys of a gully (2012, 2016) and two of a park
+``lab/pictures/demchange_picture.py [FILE]`` compares two surveys of a gully (2012, 2016) and two of a park
 (2015, 2023), of which the second was delivered in another vertical datum: difference as it came, change with bias and
 shift taken off, level of detection, significance.
 """
@@ -17,11 +17,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from PIL import Image
-from slopewatch.lab.benchmarks.demchange import FOLDER
 from slopewatch.engine.core.arrays import Float
 from slopewatch.engine.elevation_models.comparison import compare_models
 from slopewatch.engine.elevation_models.model import read_model
 from slopewatch.engine.maps.palette import diverging_colours
+from slopewatch.lab.benchmarks.demchange import FOLDER
 from slopewatch.lab.pictures.small_jpeg import BYTES
 
 PAIRS = (

@@ -1,6 +1,6 @@
 """The picture in docs/figures.md of what is detected: recall and false zones against height in units of the level.
 
-``.venv/bin/python lab/pictures/detection_picture.py [FILE]`` draws what the benchmark kept in its results (detection.csv);
+``lab/pictures/detection_picture.py [FILE]`` draws what the benchmark kept in its results (detection.csv);
 ``.venv/bin/python -m slopewatch.lab --results lab/benchmarks/results detection`` makes that file again.
 """
 

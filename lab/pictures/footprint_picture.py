@@ -1,6 +1,6 @@
 """The picture in docs/guide.md of the footprints over which volumes are taken.
 
-``.venv/bin/python lab/pictures/footprint_picture.py [FILE]`` draws two changes that are known, measured with noise and gaps:
+``lab/pictures/footprint_picture.py [FILE]`` draws two changes that are known, measured with noise and gaps:
 the zones, their footprints and the true outlines, with the volumes of each.
 """
 

@@ -1,6 +1,6 @@
 """The picture in docs/ground.md: sections through real clouds and a simulated meadow, with what is called ground.
 
-``.venv/bin/python lab/pictures/ground_picture.py [FILE [FOLDER]]`` draws the returns, the ground by the default settings,
+``lab/pictures/ground_picture.py [FILE [FOLDER]]`` draws the returns, the ground by the default settings,
 that of the published settings (the cloth alone), and the vendor's class 2 or the true surface. FOLDER holds what an
 earlier version called ground, as NAME.npy of booleans for each point (meadow, and the names of the real clouds), and is
 drawn too. Needs the real clouds next to the checkout (../shared/data).

@@ -1,6 +1,6 @@
 """The picture in docs/change.md of how the level of detection comes about.
 
-``.venv/bin/python lab/pictures/level_picture.py [FILE]`` simulates two surveys of a cut with a road, a face of 45 degrees,
+``lab/pictures/level_picture.py [FILE]`` simulates two surveys of a cut with a road, a face of 45 degrees,
 a berm and a shoulder, lowers two places of it, and draws what the engine computes: points and errors, the
 calibration by slope, the level on the map, and what each threshold makes of the change.
 """
@@ -16,12 +16,12 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from slopewatch.lab.benchmarks.chain import inside
 from slopewatch.engine.change.difference import difference, epoch_cells
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.grid.pooled_variance import pooled_variance
 from slopewatch.engine.maps.palette import BELOW_LEVEL, diverging_colours
 from slopewatch.interface.parameters import ChangeParameters, SurveyParameters
+from slopewatch.lab.benchmarks.chain import inside
 from slopewatch.simulation.frame import Frame
 from slopewatch.simulation.surveys.change import Bump
 from slopewatch.simulation.surveys.survey import simulate_pair

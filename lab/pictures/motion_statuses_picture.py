@@ -1,6 +1,6 @@
 """The picture in docs/displacement.md of where vectors are given, and why there are none elsewhere.
 
-``.venv/bin/python lab/pictures/motion_statuses_picture.py [FILE]`` makes eight squares of one slope in two surveys, each
+``lab/pictures/motion_statuses_picture.py [FILE]`` makes eight squares of one slope in two surveys, each
 with another history, measures them with the default settings, and draws the ground and what the engine says of it.
 """
 

@@ -1,6 +1,6 @@
 """The picture in docs/scenes.md of simulated plants compared with real ones.
 
-``.venv/bin/python lab/pictures/plants_picture.py [FILE]`` draws slices through simulated grass, grown and mown, ferns and
+``lab/pictures/plants_picture.py [FILE]`` draws slices through simulated grass, grown and mown, ferns and
 forest, and how high their returns lie over the ground; the same of real clouds where these lie next to the checkout.
 """
 

@@ -1,7 +1,7 @@
 """The picture of what the network on relief gets right and wrong, in docs/screening.md.
 
-``.venv/bin/python lab/pictures/relief_picture.py RESULTS WEIGHTS... [--picture FILE]`` reads the results that
-``python -m slopewatch.lab.benchmarks.screening_sites --relief WEIGHTS... --results RESULTS`` kept. Of real clouds and of
+``lab/pictures/relief_picture.py RESULTS WEIGHTS... [--picture FILE]`` reads the results that
+``python -m slopewatch.lab.screening_sites --relief WEIGHTS... --results RESULTS`` kept. Of real clouds and of
 simulated slopes it draws the places of which most and fewest hazards are found, by weights that left the survey out and
 at the level of the other surveys: ground with the hazards put in, which of them are found, which zones are false.
 """
@@ -20,11 +20,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from PIL import Image
 from scipy.interpolate import griddata
+from slopewatch.engine.maps.relief import shaded_relief
 from slopewatch.lab.benchmarks.screening_networks import RELATIVE, relative, runs_of
 from slopewatch.lab.benchmarks.screening_sites import COUNT, Options, load_weights, run
 from slopewatch.lab.benchmarks.screening_table import MIN_DENSITY, Judged
 from slopewatch.lab.benchmarks.screening_trials import PlaceResult, looks
-from slopewatch.engine.maps.relief import shaded_relief
 from slopewatch.models.preparation.raster_zones import zones_above
 
 KINDS = {"points": "real cloud", "simulated": "simulated slope"}

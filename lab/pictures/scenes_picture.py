@@ -1,6 +1,6 @@
 """The picture of twelve simulated scenes in docs/scenes.md.
 
-``.venv/bin/python lab/pictures/scenes_picture.py [FILE]`` draws four scenes of each kind, 2,000 m² at 60 points a square
+``lab/pictures/scenes_picture.py [FILE]`` draws four scenes of each kind, 2,000 m² at 60 points a square
 metre, to docs/images/scenes.jpg by default: labels over the relief on the left, hard negatives on the right.
 """
 

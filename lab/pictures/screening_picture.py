@@ -1,6 +1,6 @@
 """The picture of right and wrong screenings in docs/screening.md.
 
-``.venv/bin/python lab/pictures/screening_picture.py [FILE]`` screens twelve scenes of each kind with the shipped weights
+``lab/pictures/screening_picture.py [FILE]`` screens twelve scenes of each kind with the shipped weights
 (2,000 m² at 60 points a square metre, seeds that neither training nor the benchmark sets have) and draws of each kind
 the one that came out best and the one that came out worst: relief, truth, what was found.
 """
@@ -17,12 +17,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
-from slopewatch.models.inference.prediction import predict
 from slopewatch.lab.making.scene_scores import screened_zones
+from slopewatch.lab.pictures.small_jpeg import keep_small
+from slopewatch.models.inference.prediction import predict
 from slopewatch.models.network.shipped import shipped_model
 from slopewatch.models.network.weights import load_model
 from slopewatch.models.training.evaluation import confusion, intersection_over_union
-from slopewatch.lab.pictures.small_jpeg import keep_small
 from slopewatch.simulation.hazard_scenes.picture import LABEL_COLOURS, LABEL_OPACITY, shade
 from slopewatch.simulation.hazard_scenes.scenes import SimulatedScene, scene
 

@@ -1,4 +1,4 @@
-"""The picture of the guide's section on series: `python lab/pictures/series_picture.py` writes docs/images/series.png."""
+"""The picture of the guide's section on series: `lab/pictures/series_picture.py` writes docs/images/series.png."""
 
 from __future__ import annotations
 

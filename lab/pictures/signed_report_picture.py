@@ -1,7 +1,7 @@
 #!/usr/bin/env -S .venv/bin/python
 """docs/images/signed_report.png: pages of a report to sign next to one another.
 
-``lab/pictures/signed_report_picture.py FOLDER/report.pdf`` takes its first three pages; a second argument is the name of
+``lab/pictures/signed_report_picture.py FOLDER/report.pdf`` takes its first three pages; a second argument names
 another picture, such as corridor_report.
 """
 

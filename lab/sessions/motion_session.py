@@ -21,9 +21,9 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QDateTime, QTime
 from qgis.utils import iface
+from slopewatch.lab.sessions.qgis_session import TASK, QgisSession
 from slopewatch.plugin.bridge.styling import StylePostProcessor
 from slopewatch.processing_algorithms import inspectseries, products
-from slopewatch.lab.sessions.qgis_session import TASK, QgisSession
 
 _SCALES = (250, 100)
 _HIDDEN = ("Hazard zones", "Zones and alert levels", "Significant change (m)", "Velocity (mm/day)")

@@ -2,7 +2,7 @@
 """Pictures of the plugin at work, for docs/images: a real QGIS on a display in memory (Xvfb).
 
 ``lab/sessions/screenshots.py`` simulates two surveys, runs Inspect slope from its dialog and keeps the pictures;
-``lab/sessions/screenshots.py screening`` simulates one and runs Screen for hazards, ``panel`` takes the panel's picture,
+``lab/sessions/screenshots.py screening`` simulates one and screens it, ``panel`` takes the panel's picture,
 ``dialogs FOLDER`` every dialog as it opens and with all its boxes open, to be looked at. ``setup`` starts QGIS with the
 plugin's zip of the last commit and no engine, and sets it up from the network. ``tutorial`` follows docs/tutorial.md,
 and says which of its figures are no longer those of the run. ``motion`` shows motion along the surface. The tests of

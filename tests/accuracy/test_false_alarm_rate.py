@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from slopewatch.lab.benchmarks.chain import inside
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.interface.parameters import ChangeParameters, InputParameters, SurveyParameters
+from slopewatch.lab.benchmarks.chain import inside
 from slopewatch.simulation.surveys.survey import simulate_pair
 
 FEWEST = 500  # cells of a class: their share is known to 1 %

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import click
 import pytest
-from slopewatch.lab.benchmarks.__main__ import COMMANDS as BENCHMARKS_WITH_OPTIONS
-from slopewatch.lab.benchmarks.__main__ import NAMES
 from slopewatch.cli.program import cli
 from slopewatch.engine.objects import table as objects
 from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
 from slopewatch.engine.zones import confirmation, fields
+from slopewatch.lab.__main__ import COMMANDS as BENCHMARKS_WITH_OPTIONS
+from slopewatch.lab.__main__ import NAMES
 from slopewatch.models.screening import zones as screened_zones
 from slopewatch.tests.builders.walk import ROOT, faults, text_of
 from slopewatch.workflows.last_epoch import SCREENING_OUTPUTS

@@ -40,7 +40,6 @@ MANY_PARAMETERS = {
     "engine/grid/growing_cells.py:adaptive_cells": CLOUDS,
     "engine/ground/extraction.py:extract_ground": STEP,
     "interface/parameters/specification.py:_parameter": "the fields of a parameter's description, by name only",
-    "lab/making/__main__.py:relief_weights": COMMAND,
     "models/screening/cloud_file.py:__init__": "how one file is read, by name only",
     "models/training/training.py:train": "model, data, and when to stop and save, by name only",
     "workflows/change.py:change_step": STEP,

@@ -13,7 +13,7 @@ from slopewatch.tests.builders.walk import ROOT, faults, nodes_in, text_of
 QGIS_WORLD = sorted([*ROOT.glob("plugin/**/*.py"), *ROOT.glob("processing_algorithms/**/*.py"), ROOT / "__init__.py"])
 ENGINE_WORLD = sorted(
     p
-    for f in ("interface", "engine", "models", "simulation", "workflows", "cli", "api", "library", "benchmarks")
+    for f in ("interface", "engine", "models", "simulation", "workflows", "cli", "api", "library", "lab")
     for p in ROOT.glob(f"{f}/**/*.py")
 )
 SHARED = sorted((ROOT / "interface").glob("**/*.py"))

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from slopewatch.lab.sessions.screenshots import run_session
 from slopewatch.plugin.shipped_model import TITLES as MODELS
 from slopewatch.processing_algorithms import ALGORITHMS
-from slopewatch.lab.sessions.screenshots import run_session
 from slopewatch.tests.builders.limits import CANCELLED_S
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python, processes_with
 

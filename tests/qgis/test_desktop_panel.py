@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from slopewatch.processing_algorithms import ALGORITHMS
 from slopewatch.lab.sessions.screenshots import PANEL_SCREEN, run_session
+from slopewatch.processing_algorithms import ALGORITHMS
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from slopewatch.plugin.slopewatch_plugin import MENU
 from slopewatch.lab.sessions.screenshots import not_on_the_page
+from slopewatch.plugin.slopewatch_plugin import MENU
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "tutorial.md"

@@ -32,10 +32,10 @@ from slopewatch.engine.report.reviews import zone_reviews
 from slopewatch.engine.series.alerts import DEFAULT_TABLE, read_alerts
 from slopewatch.engine.vector.area import read_roi
 from slopewatch.engine.zones.profiles import read_profiles
+from slopewatch.lab.fuzz.readers import RECORD
 from slopewatch.models.configuration import SMOKE, ModelConfiguration
 from slopewatch.tests.builders.program import run
 from slopewatch.tests.builders.screening_clouds import small_weights
-from slopewatch.lab.fuzz.readers import RECORD
 
 
 def changed(*path: Any, value: Any) -> dict[str, Any]:

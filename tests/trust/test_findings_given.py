@@ -31,9 +31,9 @@ from slopewatch.engine.pointcloud.times import read_flown
 from slopewatch.engine.road.centreline import read_roads
 from slopewatch.engine.vector.geopackage import Layer, write_layers
 from slopewatch.engine.zones.profile_lines import given_lines
-from slopewatch.tests.builders.elevation_models import write_model
 from slopewatch.lab.fuzz.readers import RECORD
 from slopewatch.lab.fuzz.targets_given import flown
+from slopewatch.tests.builders.elevation_models import write_model
 from slopewatch.workflows.compareflight import read_promised
 from slopewatch.workflows.planflight import read_tracks
 

@@ -31,7 +31,7 @@ from .jobs import Problem, Slope
 from .planning import Plan
 from .settings import INSPECT, group_of
 
-# Measured peaks of whole trees of processes (benchmarks/corridor.py prints the peak of its slopes).
+# Measured peaks of whole trees of processes (lab/benchmarks/corridor.py prints the peak of its slopes).
 _BYTES_TO_START = {INSPECT: 450_000_000, "series": 450_000_000}  # libraries and small surveys
 _BYTES_OF_TORCH = 450_000_000  # the method `network` and own weights load it
 _BYTES_A_POINT = 170  # of each survey whose ground is extracted at the same time

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.lab.benchmarks.volumes import correlated_field
 from slopewatch.engine.elevation_models.trend import BEND, TILT, Trend, find_trend
 from slopewatch.engine.statistics.variogram import VariogramModel
+from slopewatch.lab.benchmarks.volumes import correlated_field
 
 _SHAPE = (160, 200)
 _ERRORS = VariogramModel(0.1, (0.5, 0.4), (6.0, 40.0))

@@ -8,12 +8,12 @@ import laspy
 import numpy as np
 import pytest
 import shapely
-from slopewatch.lab.benchmarks.real_data import DATA
 from slopewatch.engine.ground.pdal_pipelines import clip_pipeline
 from slopewatch.engine.pointcloud.clipping import clip
 from slopewatch.engine.pointcloud.reading import open_cloud
 from slopewatch.engine.pointcloud.writing import put_flags_apart
 from slopewatch.interface.parameters import InputParameters
+from slopewatch.lab.benchmarks.real_data import DATA
 from slopewatch.tests.builders.extracted_ground import any_pdal
 
 HOLE = shapely.Point(500_008, 3_500_010).buffer(3)

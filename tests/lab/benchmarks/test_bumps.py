@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from slopewatch.engine.grid.grid import Grid
 from slopewatch.lab.benchmarks.bumps import Found, halves, table, true_heights
 from slopewatch.lab.benchmarks.strips import HEIGHTS, RADIUS, Strips
-from slopewatch.engine.grid.grid import Grid
 
 
 def test_true_heights_hold_the_volumes_of_the_bumps():

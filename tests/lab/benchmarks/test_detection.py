@@ -9,14 +9,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from slopewatch.lab.benchmarks import detection
-from slopewatch.lab.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
-from slopewatch.lab.benchmarks.detection_curves import false_alarms, recall
-from slopewatch.lab.benchmarks.detection_results import Detected, FalseZone, PairResult, Volume, read_results, write_results
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.zones.change_zones import change_zones
 from slopewatch.interface.parameters import ChangeParameters
+from slopewatch.lab.benchmarks import detection
+from slopewatch.lab.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
+from slopewatch.lab.benchmarks.detection_curves import false_alarms, recall
+from slopewatch.lab.benchmarks.detection_results import (
+    Detected,
+    FalseZone,
+    PairResult,
+    Volume,
+    read_results,
+    write_results,
+)
 from slopewatch.simulation.frame import Frame
 from slopewatch.simulation.surveys.change import Bump, true_change_raster
 

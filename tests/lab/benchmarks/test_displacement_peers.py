@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from slopewatch.engine.displacement.facets import find_facets
 from slopewatch.lab.benchmarks.displacement_peers import motion_by_others
 from slopewatch.lab.benchmarks.displacement_scenes import bare_pair
-from slopewatch.engine.displacement.facets import find_facets
 
 
 def test_both_find_a_known_shift_along_the_dip_and_across_it():

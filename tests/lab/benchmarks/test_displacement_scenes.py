@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.spatial import cKDTree
-from slopewatch.lab.benchmarks.displacement_scenes import SIDE_M, bare_pair, changing_objects, furrowed_pair, on_the_plane
 from slopewatch.engine.core.arrays import Float
+from slopewatch.lab.benchmarks.displacement_scenes import (
+    SIDE_M,
+    bare_pair,
+    changing_objects,
+    furrowed_pair,
+    on_the_plane,
+)
 
 _DIP = np.radians(39.0)
 _PLANE = np.array([[np.cos(_DIP), 0, -np.sin(_DIP)], [0, 1, 0], [np.sin(_DIP), 0, np.cos(_DIP)]])

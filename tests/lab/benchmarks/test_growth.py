@@ -9,12 +9,12 @@ from time import monotonic
 import laspy
 import numpy as np
 import pytest
+from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.lab.benchmarks import growth
 from slopewatch.lab.benchmarks.growth_law import fitted
 from slopewatch.lab.benchmarks.growth_report import draw, report
 from slopewatch.lab.benchmarks.growth_store import Measured, append, read
 from slopewatch.lab.benchmarks.long_slopes import OFFSET_M, frame_of, placed, write_long
-from slopewatch.engine.geometry.rigid_transform import RigidTransform
 
 SIZES = (1e6, 3e6, 1e7, 3e7, 1e8)
 

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from slopewatch.engine.grid.grid import Grid
 from slopewatch.lab.benchmarks import peer_comparison, peers
 from slopewatch.lab.benchmarks.peer_case import Case, Judged, Outcome, Tool, Tries, own_tool, script_tool
 from slopewatch.lab.benchmarks.peer_difference import judged
 from slopewatch.lab.benchmarks.peer_gridding import on
 from slopewatch.lab.benchmarks.peer_screening import iou, with_hazards
 from slopewatch.lab.benchmarks.peers import PeerMissingError
-from slopewatch.engine.grid.grid import Grid
 
 ADDS = """
 import json, sys

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from slopewatch.engine.core.errors import InputError
 from slopewatch.lab.benchmarks.own_relief import OwnRelief, fitted_height, own_relief
 from slopewatch.lab.benchmarks.real_screening import RealGround, main, recall, screenings, shown_zones, trials
 from slopewatch.lab.benchmarks.screening_picture import draw
-from slopewatch.engine.core.errors import InputError
 from slopewatch.simulation.hazard_scenes.known_hazards import put_hazards
 
 DIP = np.radians(30.0)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from slopewatch.engine.core.errors import InputError
 from slopewatch.lab.benchmarks import screening_trials
 from slopewatch.lab.benchmarks.screening_ground import POINTS, SIMULATED, Place
 from slopewatch.lab.benchmarks.screening_networks import load_weights, runs_of
 from slopewatch.lab.benchmarks.screening_trials import strengths, try_place
-from slopewatch.engine.core.errors import InputError
 from slopewatch.models.preparation.raster_zones import Scores
 from slopewatch.models.preparation.relief_raster import ReliefRaster, relief_raster
 from slopewatch.tests.builders.networks import torch

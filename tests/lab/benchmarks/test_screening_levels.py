@@ -10,6 +10,7 @@ import pytest
 import rasterio
 from rasterio.transform import from_origin
 from scipy.special import expit, logit
+from slopewatch.engine.core.errors import InputError
 from slopewatch.lab.benchmarks.screening_calibration import SCORES, calibrate, counted, fit_platt, hazard_odds
 from slopewatch.lab.benchmarks.screening_cases import Cases, a70_factor
 from slopewatch.lab.benchmarks.screening_combined import added, chosen_ways, combined, larger
@@ -17,7 +18,6 @@ from slopewatch.lab.benchmarks.screening_ground import ELEVATION, POINTS, own_pl
 from slopewatch.lab.benchmarks.screening_levels import far_from_hazards, far_zones, measure
 from slopewatch.lab.benchmarks.screening_networks import relative
 from slopewatch.lab.benchmarks.screening_trials import Lattice, PlaceResult, Trial
-from slopewatch.engine.core.errors import InputError
 from slopewatch.tests.builders.screening_places import scored, somewhere
 
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 import torch
 from scipy.special import logit
+from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.geometry.dominant_plane import apply_matrix
 from slopewatch.lab.benchmarks import screening_ground, screening_sites, screening_trials
 from slopewatch.lab.benchmarks.screening_budget import budget_levels, detector_levels
 from slopewatch.lab.benchmarks.screening_cases import cases, share
@@ -20,8 +22,6 @@ from slopewatch.lab.benchmarks.screening_sites import as_json, judge, main_rows
 from slopewatch.lab.benchmarks.screening_store import kept_place
 from slopewatch.lab.benchmarks.screening_table import sections, text
 from slopewatch.lab.benchmarks.screening_trials import network_scores, strengths
-from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.geometry.dominant_plane import apply_matrix
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.network.randlanet import RandLANet
 from slopewatch.models.network.weights import save_model
@@ -231,7 +231,7 @@ def test_places_lie_flat_whatever_their_slope() -> None:
 
 
 def test_the_benchmark_is_listed() -> None:
-    from slopewatch.lab.benchmarks.__main__ import KEPT, NAMES
+    from slopewatch.lab.__main__ import KEPT, NAMES
 
     assert "screening_sites" in NAMES
     assert "screening_sites" in KEPT

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from slopewatch.engine.series.alerts import read_alerts
 from slopewatch.lab.benchmarks.series_alert_cases import KINDS, cases
 from slopewatch.lab.benchmarks.series_alerts import METHODS, confirmed_forecast, forecast, judge
-from slopewatch.engine.series.alerts import read_alerts
 
 TABLE = read_alerts(None)
 

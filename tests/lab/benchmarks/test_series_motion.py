@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from slopewatch.engine.displacement.facets import find_facets
 from slopewatch.lab.benchmarks import series_motion
 from slopewatch.lab.benchmarks.series_motion import Outcome
 from slopewatch.lab.benchmarks.series_motion_cases import Sliding, _places
-from slopewatch.engine.displacement.facets import find_facets
 from slopewatch.tests.builders.rough_ground import axes, relief, sampled
 
 MOVING, STILL = ("simulated", 3, (1.0, 0.6)), ("real", 6, ())

@@ -9,12 +9,12 @@ import geopandas as gpd
 import numpy as np
 import pytest
 import shapely
-from slopewatch.lab.benchmarks import unseen_surveys
-from slopewatch.lab.benchmarks.survey_outcome import FoundZone, KnownChange, NetVolume, Outcome, judged, read_outcomes
-from slopewatch.lab.benchmarks.unseen_surveys import LENGTH, SEEDS, drawn, outcomes, rows, table
 from slopewatch.engine.grid.geotiff import write_raster
 from slopewatch.engine.grid.grid import snapped_grid
 from slopewatch.interface.parameters import SurveyParameters
+from slopewatch.lab.benchmarks import unseen_surveys
+from slopewatch.lab.benchmarks.survey_outcome import FoundZone, KnownChange, NetVolume, Outcome, judged, read_outcomes
+from slopewatch.lab.benchmarks.unseen_surveys import LENGTH, SEEDS, drawn, outcomes, rows, table
 from slopewatch.simulation.surveys.change import Bump
 from slopewatch.simulation.surveys.survey import simulate_pair
 

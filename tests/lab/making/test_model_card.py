@@ -6,8 +6,8 @@ import json
 from dataclasses import replace
 
 import pytest
-from slopewatch.models.configuration import SMOKE
 from slopewatch.lab.making.scene_scores import SceneScores
+from slopewatch.models.configuration import SMOKE
 from slopewatch.models.network.shipped import SHIPPED_WEIGHTS, shipped_model
 from slopewatch.models.network.weights import load_model, save_model
 

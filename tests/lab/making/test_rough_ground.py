@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from slopewatch.models.configuration import SMOKE
 from slopewatch.lab.making.natural_relief import ReliefLaw
 from slopewatch.lab.making.rough_ground import (
     MAX_ROLLING_M,
@@ -20,6 +19,7 @@ from slopewatch.lab.making.rough_ground import (
     textured,
     with_relief,
 )
+from slopewatch.models.configuration import SMOKE
 from slopewatch.models.preparation.prepare import NORMAL_30, USUAL_ROUGHNESS, prepare_cloud, roughness
 from slopewatch.simulation.hazard_scenes.scenes import scene
 

@@ -78,8 +78,8 @@ def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, t
 
 
 def test_the_threshold_is_scored_on_the_same_folds(torch, specs, tmp_path):
-    from slopewatch.models.inference.baseline import residual_probabilities
     from slopewatch.lab.making.folds import score_residual
+    from slopewatch.models.inference.baseline import residual_probabilities
 
     summary = score_residual(specs, tmp_path, count=3)
     right = points = 0
@@ -140,8 +140,8 @@ def test_training_with_two_processes_gives_the_same_weights(recipe, tmp_path, mo
 
 
 def test_every_point_of_a_set_is_scored(torch, specs, monkeypatch):
-    from slopewatch.models.inference.baseline import residual_probabilities
     from slopewatch.lab.making import shipping
+    from slopewatch.models.inference.baseline import residual_probabilities
     from slopewatch.simulation.hazard_scenes.sets import BenchmarkSet
 
     few = BenchmarkSet("published", tuple(specs[:2]))

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from slopewatch.lab.benchmarks import screening_ground
 from slopewatch.engine.geometry.hazard_shapes import smooth_hazard
+from slopewatch.lab.benchmarks import screening_ground
 from slopewatch.models.preparation.even_scores import LEVELS, even_scores, level_for
 from slopewatch.models.preparation.inserted_hazards import insert_hazards, thinned
 from slopewatch.models.preparation.raster_zones import Scores, zone_counts
