@@ -132,7 +132,7 @@ def unknown_modules(piece: str) -> list[str]:
         package = spec is not None and spec.submodule_search_locations is not None
         if spec is None or (package and importlib.util.find_spec(f"{module}.__main__") is None):
             wrong.append(module)
-        elif module == "slopewatch.lab.benchmarks":
+        elif module == "slopewatch.lab":
             wrong += [name for name in rest.split() if name not in (*NAMES, *BENCHMARKS_WITH_OPTIONS)]
     return wrong
 

@@ -15,6 +15,7 @@ ENGINE_WORLD = sorted(
     p
     for f in ("interface", "engine", "models", "simulation", "workflows", "cli", "api", "library", "lab")
     for p in ROOT.glob(f"{f}/**/*.py")
+    if "sessions" not in p.parts  # of the laboratory: they drive QGIS
 )
 SHARED = sorted((ROOT / "interface").glob("**/*.py"))
 
