@@ -10,7 +10,7 @@ CHECK := $(if $(wildcard $(PYTHON)),.venv/bin/)
 ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/engine tests/models tests/simulation tests/workflows tests/cli \
 	tests/refusals tests/trust tests/accuracy tests/scripts tests/lab)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
-TYPED := interface engine models simulation workflows cli api library lab
+TYPED := interface engine models simulation workflows cli api library lab.benchmarks lab.making
 FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core tests/engine/statistics tests/engine/geometry tests/engine/crs \
 	tests/engine/grid tests/engine/epochs tests/engine/vector)
 # More options for pytest: make test PYTEST="-k ground -x"
@@ -79,9 +79,9 @@ model: setup  ## The shipped screening weights, their figures and card, from not
 # The weights of the network on relief in two stages, the second at half the rate; both go on where they were broken off.
 model-relief: setup  ## The same for the network on relief: make model-relief GROUND=folder of real ground (2 hours)
 	$(if $(GROUND),,$(error name the folder of real ground: make model-relief GROUND=FOLDER))
-	$(PYTHON) -m slopewatch.models relief --ground $(GROUND) --slopes 200 --steps 4000 \
+	$(PYTHON) -m slopewatch.lab.making relief --ground $(GROUND) --slopes 200 --steps 4000 \
 		--weights build/model/relief_first.safetensors --folder build/model/relief_first
-	$(PYTHON) -m slopewatch.models relief --ground $(GROUND) --slopes 140 --steps 1200 --seed 10 --rate 0.002 \
+	$(PYTHON) -m slopewatch.lab.making relief --ground $(GROUND) --slopes 140 --steps 1200 --seed 10 --rate 0.002 \
 		--start build/model/relief_first.safetensors --weights build/model/relief.safetensors --folder build/model/relief
 
 package:  ## The plugin as a zip for QGIS, from the last commit: dist/slopewatch-VERSION.zip

@@ -2,7 +2,7 @@
 
 Strips of one flight show no change; patches of known height are put into the second one. Each pair runs without patches
 (false zones, cells beyond the level, registration error) and with one set of patches a seed. A single pair:
-``python -m slopewatch.lab.changes_in_strips NAME [SEED ...]``; ``NAMES`` lists them.
+``python -m slopewatch.lab.benchmarks.changes_in_strips NAME [SEED ...]``; ``NAMES`` lists them.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A place is looked at if the vendor's (or the simulation's) ground has three points or more in the middle of the patch in
 both surveys. It is found if our ground is right beside half of those points. A single pair:
-``python -m slopewatch.lab.ground_changed NAME [SEED ...]``; ``NAMES`` lists them.
+``python -m slopewatch.lab.benchmarks.ground_changed NAME [SEED ...]``; ``NAMES`` lists them.
 """
 
 from __future__ import annotations

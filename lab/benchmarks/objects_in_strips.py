@@ -2,7 +2,7 @@
 
 Strips of one flight show no change. Each shape is put into the later strip (appeared) and the first one (vanished).
 Each pair also runs without objects: whatever is named there is false. A single pair:
-``python -m slopewatch.lab.objects_in_strips NAME [SEED ...]``; the names are those of ``changes_in_strips``.
+``python -m slopewatch.lab.benchmarks.objects_in_strips NAME [SEED ...]``; the names are those of ``changes_in_strips``.
 """
 
 from __future__ import annotations

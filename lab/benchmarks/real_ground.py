@@ -1,8 +1,8 @@
 """The ground of real vegetation and of simulated plants, also as other methods find it.
 
-``python -m slopewatch.lab.real_ground [--no-peers] [NAME ...]`` prints the table: of the clouds whose names hold
-one of the given parts alone, and without the peers for a quick look. Heights are over the vendor's ground (a plane
-through its eight nearest points) or over the simulation's true surface; no class or label reaches a method.
+``python -m slopewatch.lab.benchmarks.real_ground [--no-peers] [NAME ...]`` prints the table: of the clouds whose
+names hold one of the given parts alone, and without the peers for a quick look. Heights are over the vendor's ground
+(a plane through its eight nearest points) or over the simulation's true surface; no class or label reaches a method.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ def in_series(found: Sequence[Figures], cells: bool) -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m slopewatch.lab.real_ground")
+    parser = argparse.ArgumentParser(prog="python -m slopewatch.lab.benchmarks.real_ground")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(case.name for case in CASES))
     parser.add_argument("--no-peers", action="store_true", help="SlopeWatch alone")
     options = parser.parse_args()

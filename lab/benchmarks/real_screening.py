@@ -1,6 +1,6 @@
 """Screening of real slopes: known hazards put in that are found, and what is shown where nothing was put in.
 
-``python -m slopewatch.lab.real_screening [--weights FILE] [--pictures FOLDER]`` prints the table. The clouds
+``python -m slopewatch.lab.benchmarks.real_screening [--weights FILE] [--pictures FOLDER]`` prints the table. The clouds
 lie next to the checkout (``../shared/data``). A hazard is found if at least half of its labelled points carry its
 class. So that ground which is shown anyhow does not count as skill, each recall is given with the share of the same
 places that the screening shows on the untouched cloud, with nothing put in; ``own_relief`` says what the slope itself

@@ -1,7 +1,7 @@
 """Screening: its scores on the benchmark sets, and the time and memory of the whole job on a million ground points.
 
 Training and scoring take hours on a processor, so that the scores are those kept next to the weights, each made again
-by one command (``python -m slopewatch.models``); speed and memory are measured now.
+by one command (``python -m slopewatch.lab.making``); speed and memory are measured now.
 """
 
 from __future__ import annotations

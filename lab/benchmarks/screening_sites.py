@@ -1,17 +1,17 @@
 """Screening where it counts: hazards put into real and simulated ground, found at one false zone per 1,000 m².
 
-``python -m slopewatch.lab.screening_sites --relief FILES`` prints the tables with the raster network by weights
-that left surveys out (``training.left_out`` of their JSON; several seeds are runs of their own), ``--network`` adds the
-shipped network and both combined, ``--points FILES`` further weights of the network on points (such as those of a fold
-of the published pipeline) by their odds, ``--ground FILES`` surveys of one's own. ``--results FOLDER`` keeps scores, so
-that a run that was stopped goes on, and the tables as Markdown and JSON. ``python -m slopewatch.lab
-screening_sites`` prints the main rows without networks.
+``python -m slopewatch.lab.benchmarks.screening_sites --relief FILES`` prints the tables with the raster network by
+weights that left surveys out (``training.left_out`` of their JSON; several seeds are runs of their own),
+``--network`` adds the shipped network and both combined, ``--points FILES`` further weights of the network on points
+(such as those of a fold of the published pipeline) by their odds, ``--ground FILES`` surveys of one's own.
+``--results FOLDER`` keeps scores, so that a run that was stopped goes on, and the tables as Markdown and JSON.
+``python -m slopewatch.lab screening_sites`` prints the main rows without networks.
 
-The level of each detector is that at which untouched ground of the other surveys shows one false zone per 1,000 m²: one
-level for real clouds and simulated slopes, one for elevation models. Ground on which not even a hazard of 1 m can be
-found, where screening is to refuse, has its results in the table but no part in levels. A zone is a group of connected
-cells of 0.5 m above the level, at least 1 m² large; a hazard is found if a zone of its sign covers a quarter of it or
-1 m² of it.
+The level of each detector is that at which untouched ground of the other surveys shows one false zone per 1,000 m²:
+one level for real clouds and simulated slopes, one for elevation models. Ground on which not even a hazard of 1 m can
+be found, where screening is to refuse, has its results in the table but no part in levels. A zone is a group of
+connected cells of 0.5 m above the level, at least 1 m² large; a hazard is found if a zone of its sign covers a
+quarter of it or 1 m² of it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How the shipped weights and their figures are made again: ``python -m slopewatch.models``."""
+"""How the shipped weights and their figures are made again: ``python -m slopewatch.lab.making``."""
 
 from __future__ import annotations
 

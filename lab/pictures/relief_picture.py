@@ -1,9 +1,9 @@
 """The picture of what the network on relief gets right and wrong, in docs/screening.md.
 
-``lab/pictures/relief_picture.py RESULTS WEIGHTS... [--picture FILE]`` reads the results that
-``python -m slopewatch.lab.screening_sites --relief WEIGHTS... --results RESULTS`` kept. Of real clouds and of
-simulated slopes it draws the places of which most and fewest hazards are found, by weights that left the survey out and
-at the level of the other surveys: ground with the hazards put in, which of them are found, which zones are false.
+``lab/pictures/relief_picture.py RESULTS WEIGHTS... [--picture FILE]`` reads the results that ``python -m
+slopewatch.lab.benchmarks.screening_sites --relief WEIGHTS... --results RESULTS`` kept. Of real clouds and of
+simulated slopes it draws the places of which most and fewest hazards are found, by weights that left the survey out
+and at the level of the other surveys: ground with the hazards put in, which of them are found, which zones are false.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def specs():
 
 
 def test_the_command_that_makes_the_weights_is_there():
-    command = [sys.executable, "-m", "slopewatch.models", "--help"]
+    command = [sys.executable, "-m", "slopewatch.lab.making", "--help"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     assert {"weights", "figures", "folds", "ablation", "card"} <= set(done.stdout.split())
