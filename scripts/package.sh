@@ -6,10 +6,10 @@ cd "$(dirname -- "${BASH_SOURCE[0]}")/.."
 version=$(git show HEAD:metadata.txt | sed -n 's/^version=//p')
 archive=${1:-dist/slopewatch-$version.zip}
 mkdir -p "$(dirname -- "$archive")"
-git archive --format=zip --prefix=slopewatch/ --output="$archive" HEAD
+git archive -9 --format=zip --prefix=slopewatch/ --output="$archive" HEAD
 size=$(stat -c %s "$archive")
-((size <= 20 * 1024 * 1024)) || {
-    echo "$archive is larger than 20 MB (QGIS's plugin repository takes 25)" >&2
+((size <= 4500 * 1024)) || {
+    echo "$archive is larger than 4.5 MB" >&2
     exit 1
 }
 [[ -z $(git status --porcelain --untracked-files=no) ]] || echo "note: changes that are not committed are not in it"
