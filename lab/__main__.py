@@ -54,9 +54,6 @@ NAMES = {
     "demchange": "Change between elevation models, beside xDEM",
     "corridor": "A corridor of slopes",
     "screening": "Screening",
-    "known_places": "What a screening could find by height",
-    "real_screening": "Screening of real slopes with known hazards put in",
-    "rough_ground": "Screening of hazards on rougher ground",
     "screening_sites": "Screening of hazards put into real ground, at one false zone per 1,000 m²",
 }
 
