@@ -253,4 +253,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("Whether everything is there", "slopewatch check"),
         ("Whether a PDAL of your own works", "slopewatch check --pdal /usr/local/bin/pdal"),
     ),
+    "parameters": (
+        ("All that can be set of the whole flow", "slopewatch parameters inspect"),
+        ("The same of a simulation", "slopewatch parameters simulate survey"),
+    ),
 }

@@ -8,26 +8,41 @@ from typing import Any
 
 import click
 
-from ..interface.command_list import COMMANDS, OTHERS
+from ..interface.command_list import BASIC, COMMANDS, OTHERS
 from .examples import EXAMPLES
 from .language import paragraphs, say
 
 FILES = "Files"
 """Heading of a command's own options, which are mostly files and folders; they come first."""
+PARAMETERS = "Parameters"
+"""Heading of those parameters that most people set."""
 RUNNING = "Running"
 """Heading of the options that all commands have; they come last."""
 
 
 class _GroupedOption(click.Option):
-    """An option with the heading under which ``--help`` shows it."""
+    """An option with the heading under which help shows it; an ``advanced`` one is only in the list of all."""
 
-    heading = FILES
+    heading, advanced = FILES, False
 
 
-def grouped_option(heading: str, *names: str, **given: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def grouped_option(
+    heading: str, *names: str, advanced: bool = False, **given: Any
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """``click.option`` under a heading; an empty one stands for that of the command's own options."""
-    kind = type("_Option", (_GroupedOption,), {"heading": heading or FILES})
+    kind = type("_Option", (_GroupedOption,), {"heading": heading or FILES, "advanced": advanced})
     return click.option(*names, cls=kind, **given)
+
+
+def records_of(command: click.Command, ctx: click.Context) -> dict[str, list[tuple[click.Parameter, tuple[str, str]]]]:
+    """All options of a command with what help says of them, by heading, those of all commands last."""
+    records: dict[str, list[tuple[click.Parameter, tuple[str, str]]]] = {FILES: []}
+    for parameter in command.get_params(ctx):
+        record = parameter.get_help_record(ctx)
+        if record is not None and record[1]:  # arguments without a help stand in the first line
+            shared = RUNNING if "--help" in parameter.opts else FILES
+            records.setdefault(getattr(parameter, "heading", shared), []).append((parameter, record))
+    return {heading: found for heading, found in records.items() if heading != RUNNING} | {RUNNING: records[RUNNING]}
 
 
 class GroupedCommand(click.Command):
@@ -37,14 +52,23 @@ class GroupedCommand(click.Command):
         _write_paragraphs(formatter, self.help or "")
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        records: dict[str, list[tuple[str, str]]] = {FILES: []}
-        for parameter in self.get_params(ctx):
-            record = parameter.get_help_record(ctx)
-            if record is not None and record[1]:  # arguments without a help stand in the first line
-                shared = RUNNING if "--help" in parameter.opts else FILES
-                records.setdefault(getattr(parameter, "heading", shared), []).append(record)
-        running = records.pop(RUNNING, [])
-        _write_lists(formatter, [*records.items(), (RUNNING, running)])
+        name = command_name(ctx)
+        basic, left = BASIC.get(name), 0
+        shown: dict[str, list[tuple[str, str]]] = {FILES: [], PARAMETERS: [], RUNNING: []}
+        for heading, found in records_of(self, ctx).items():
+            place = heading if heading in shown else PARAMETERS
+            for parameter, (names, text) in found:
+                advanced = getattr(parameter, "advanced", False)
+                if place == PARAMETERS and basic is not None:
+                    advanced = parameter.name not in basic
+                if not advanced:
+                    shown[place].append((names, _in_short(say(text))))
+                elif place == PARAMETERS:
+                    left += 1
+        _write_lists(formatter, shown.items(), said=True)
+        if left:
+            formatter.write_paragraph()
+            formatter.write_text(f"{say(f'{left} more parameters:')} slopewatch parameters {name}")
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         examples = EXAMPLES.get(command_name(ctx), ())
@@ -132,11 +156,26 @@ def _first_sentence(text: str) -> str:
     return re.split(r"(?<=[.])\s|(?<=。)", first)[0].rstrip(".。")
 
 
-def _write_lists(formatter: click.HelpFormatter, lists: Iterable[tuple[str, list[tuple[str, str]]]]) -> None:
+def _in_short(text: str) -> str:
+    """The first sentence of a text and its default."""
+    words, bracket = re.fullmatch(r"(.*?)(\s*\[[^\[]*\])?", text, flags=re.DOTALL).groups()  # type: ignore[union-attr]
+    return re.split(r"(?<=[.])\s|(?<=。)", words)[0] + (bracket or "")
+
+
+def _write_lists(
+    formatter: click.HelpFormatter, lists: Iterable[tuple[str, list[tuple[str, str]]]], *, said: bool = False
+) -> None:
+    """Lists under headings; texts that are ``said`` are in the user's language already."""
     for heading, rows in lists:
         if rows:
             with formatter.section(say(heading)):
-                formatter.write_dl([(names, say(text)) for names, text in rows])
+                formatter.write_dl([(names, text if said else say(text)) for names, text in rows])
+
+
+def write_every_option(command: click.Command, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """All options of a command, in the workflow's order."""
+    found = records_of(command, ctx)
+    _write_lists(formatter, [(heading, [record for _, record in rows]) for heading, rows in found.items()])
 
 
 def command_name(ctx: click.Context) -> str:

@@ -23,7 +23,7 @@ from ..engine.core.part_folders import settle_around
 from ..engine.core.run_result import RunResult
 from ..engine.core.temporary_folders import VARIABLE
 from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
-from ..interface.settings_file import read_settings
+from ..interface.settings_file import read_assignments, read_settings
 from ..workflows.conclusions import conclusion
 from .help_pages import RUNNING, command_name, grouped_option
 from .language import LANGUAGE
@@ -124,7 +124,7 @@ class _NumberOrAuto(click.ParamType):
 
 def _option(specification: Specification, heading: str = "") -> Callable[[Command], Command]:
     s, flag = specification, f"--{specification.option}"
-    option = functools.partial(grouped_option, heading)
+    option = functools.partial(grouped_option, heading, advanced=s.advanced)
     default: Any = ("yes" if s.default else "no") if s.kind is bool else "none" if s.default == "" else s.default
     unit = f" {s.unit}" if s.unit else ""
     bounds = ""
@@ -162,18 +162,33 @@ _SETTINGS = (
         help="paper: the published settings. Options and settings that are also given override it.  [default: default]",
     ),
 )
+_SET = _running(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A parameter by its name, or by group and name, such as ground.cloth_resolution=0.3. It overrides --settings.",
+)
 _RUNNING = (
     _running("--language", **LANGUAGE),
-    _running("--debug", is_flag=True, help="Show the traceback of an internal failure."),
-    _running("--pdal", type=PATH, default=None, metavar="FILE", help="The pdal program, if not the one that is found."),
+    _running("--debug", advanced=True, is_flag=True, help="Show the traceback of an internal failure."),
+    _running(
+        "--pdal",
+        advanced=True,
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="The pdal program, if not the one that is found.",
+    ),
     _running(
         "--temporary-folder",
+        advanced=True,
         type=PATH,
         default=None,
         metavar="DIR",
         help=f"Folder for temporary files.  [default: the folder in {VARIABLE}, else the system's]",
     ),
-    _running("--watch-parent", is_flag=True, help="Stop when standard input closes."),
+    _running("--watch-parent", advanced=True, is_flag=True, help="Stop when standard input closes."),
     _running(
         "--progress",
         type=click.Choice(["auto", "bar", "json", "none"]),
@@ -217,6 +232,7 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
             values = {name: arguments.pop(name) for name in names}
             temporary: Path | None = arguments.pop("temporary_folder")
             profile, settings = arguments.pop("profile", None), arguments.pop("settings", None)
+            assignments: Sequence[str] = arguments.pop("assignments", ())
             report = reporter(progress)
             cancellation.install(report.cancelled, watch_parent=watch_parent)
             say_of_formats(report)
@@ -227,7 +243,8 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
                 refuse_unusable([("pdal", pdal), ("weights", Path(weights) if weights else None)])
                 if temporary is not None:
                     temporary_folders.choose(temporary)
-                used, chosen = _with_settings(settings, groups, values, profile, report)
+                given = read_assignments(assignments, groups) | {n: v for n, v in values.items() if v is not None}
+                used, chosen = _with_settings(settings, groups, values | given, profile, report)
                 return function(Session(report, pdal, chosen, groups, used), **arguments)
 
             sys.exit(_run(report, debug, work, name=command_name(click.get_current_context())))
@@ -236,7 +253,7 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
         for group in reversed(groups):
             for specification in reversed(group.specifications()):
                 wrapped = _option(specification, group.title)(wrapped)
-        for shared in (*(_SETTINGS[: 1 + profile] if groups else ()), *_RUNNING):
+        for shared in (*((_SET, *_SETTINGS[: 1 + profile]) if groups else ()), *_RUNNING):
             wrapped = shared(wrapped)
         return wrapped
 

@@ -21,6 +21,7 @@ from .help_pages import Program
 from .language import say
 from .locate import locate
 from .m3c2 import m3c2
+from .parameters import parameters
 from .planflight import planflight
 from .report import report
 from .reporting import error_event
@@ -77,5 +78,6 @@ for subcommand in (
     train,
     simulate,
     check,
+    parameters,
 ):
     cli.add_command(subcommand)

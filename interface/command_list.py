@@ -11,7 +11,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     ),
     "Plan the next survey": ("planflight", "compareflight"),
     "Try and train": ("simulate", "train"),
-    "Installation": ("check",),
+    "Installation and settings": ("check", "parameters"),
 }  # fmt: skip
 OTHERS = "Other commands"
 """Heading of commands that are not listed."""
@@ -45,3 +45,30 @@ TITLES = {
     "info": "Cloud information",
 }
 """The commands' titles in the toolbox, for sentences that name a command."""
+
+BASIC: dict[str, tuple[str, ...]] = {
+    "batch": ("workers", "two_surveys", "cell", "minimum_area", "overwrite"),
+    "demchange": ("cell", "plan_shift", "tilt", "statistics_only", "minimum_area", "overwrite"),
+    "displacement": ("ground", "window", "largest_motion", "overwrite"),
+    "change": ("ground", "cell", "minimum_area", "overwrite"),
+    "series": ("ground", "rasters_each_survey", "cell", "minimum_area", "overwrite"),
+    "inspect": ("cell", "minimum_area", "screen_last_epoch", "overwrite"),
+    "locate": ("chainage_start", "chainage_direction", "chainage_unit", "chainage_style", "route_name", "overwrite"),
+    "m3c2": ("ground", "normal_scale", "projection_scale"),
+    "planflight": ("altitude", "flying_speed", "field_of_view", "side_overlap", "pulse_rate", "scan_pattern"),
+    "screen": (
+        "screening_method", "ground", "minimum_probability", "minimum_hazard_area", "probability_cell",
+        "false_zones", "self_test",
+    ),
+    "simulate series": (
+        "seed", "points", "length", "height", "surveys", "interval", "velocities", "motion", "onset",
+        "overwrite",
+    ),
+    "simulate survey": (
+        "seed", "points", "length", "height", "angle", "vegetation", "amplitude", "motion", "grass",
+        "overwrite",
+    ),
+    "train": ("start", "dimension", "classes", "class_field", "steps", "minutes", "folds", "overwrite"),
+    "report": ("zone_profiles", "pdf", "slope_name", "report_route", "client", "author", "checker"),
+}  # fmt: skip
+"""The parameters that ``--help`` and dialogs show at first, by command; of others those that are not advanced."""

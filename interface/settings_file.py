@@ -25,6 +25,7 @@ _MAX_KEY_DOTS = 20
 _DOTTED = re.compile(rf"""(?:[\w"'-]+[ \t]*\.[ \t]*){{{_MAX_KEY_DOTS}}}""")
 _SHOWN = 300  # characters of a value in a sentence
 _NOT_TAKEN = {s.name for s in OutputParameters.specifications()}
+_BOOLEANS = {"yes": True, "true": True, "on": True, "1": True, "no": False, "false": False, "off": False, "0": False}
 _REMEDY = "give a run.json, or a JSON or TOML file of settings"
 
 
@@ -71,6 +72,35 @@ def read_settings(path: Path, groups: Sequence[type[ParameterSet]]) -> GivenSett
             raise ParameterError(_unknown(path, name, known))
         values[name] = _checked(path, known[name], value)
     return GivenSettings(values, profile)
+
+
+def read_assignments(texts: Sequence[str], groups: Sequence[type[ParameterSet]]) -> dict[str, Any]:
+    """Values by name, from texts such as ``cell=0.2`` or ``ground.cloth_resolution=0.3``; the last of a name counts.
+
+    Raises:
+        ParameterError: a text is not written so, or a group, name or value in it is none that the command knows.
+    """
+    values: dict[str, Any] = {}
+    for text in texts:
+        left, sign, value = text.partition("=")
+        group, _, name = left.strip().replace("-", "_").rpartition(".")
+        known = _by_name([one for one in groups if group in ("", one.record_name)])
+        if not sign or name not in known:
+            close = difflib.get_close_matches(name, _by_name(groups), 1)
+            remedy = f"it may mean {close[0]}" if close else "write it as NAME=VALUE"
+            raise ParameterError(f"--set {_short(text)} names no parameter of this command; {remedy}")
+        values[name] = known[name].check(_typed(known[name], value.strip()))
+    return values
+
+
+def _typed(specification: Specification, text: str) -> Any:
+    """What a text means for a parameter; the text itself where it means nothing."""
+    if specification.kind is bool:
+        return _BOOLEANS.get(text.lower(), text)
+    try:
+        return text if specification.kind is str else float(text)
+    except ValueError:
+        return text
 
 
 def _of_record(path: Path, record: Mapping[str, Any], groups: Sequence[type[ParameterSet]]) -> GivenSettings:

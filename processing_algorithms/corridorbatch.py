@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingException
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance
@@ -54,7 +55,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
         "VPC", "change detection",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.BATCH
-    BASIC = ("workers", "two_surveys", "cell", "minimum_area", "overwrite")
+    BASIC = BASIC["batch"]
     OPTION_NAMES: ClassVar = {"alerts": "ALERT_TABLE"}
     NUMBERS: ClassVar = {
         "SLOPE_COUNT": ("slopes", "Number of slopes"),

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingException, QgsProcessingParameterMultipleLayers, QgsProcessingParameterString
 
+from ..interface.command_list import BASIC
 from ..interface.dates import date_in_name
 from ..interface.parameters import command_sets
 from ..plugin.bridge.compat import RASTER
@@ -51,7 +52,7 @@ class DemChange(SlopeWatchAlgorithm):
         "tilt", "xDEM", "GCD", "series",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.DEMCHANGE
-    BASIC = ("cell", "plan_shift", "tilt", "statistics_only", "minimum_area", "overwrite")
+    BASIC = BASIC["demchange"]
     NUMBERS: ClassVar = {
         "MODEL_COUNT": ("model_count", "Number of elevation models"),
         "BIAS": ("bias_m", "Bias of the last model that was taken off (m)"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
@@ -27,7 +28,7 @@ class DisplacementVectors(SlopeWatchAlgorithm):
         "feature tracking", "image correlation", "optical flow", "arrows", "movement",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.DISPLACEMENT
-    BASIC = ("ground", "window", "largest_motion", "overwrite")
+    BASIC = BASIC["displacement"]
     NUMBERS: ClassVar = {
         "ZONE_COUNT": ("moving_zone_count", "Zones of coherent motion"),
         "ZONE_AREA": ("moving_area_m2", "Area of the zones (m²)"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
@@ -48,7 +49,7 @@ class ElevationChange(SlopeWatchAlgorithm):
         "hazard", "zones", "heatmap",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.CHANGE
-    BASIC = ("ground", "cell", "minimum_area", "overwrite")
+    BASIC = BASIC["change"]
     NUMBERS = CHANGE_NUMBERS
     PAGES = CHANGE_PAGES
     FILES = CHANGE_FILES

@@ -10,6 +10,7 @@ from qgis.core import (
     QgsProcessingParameterBoolean,
 )
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.project_time import project_time
@@ -134,7 +135,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         "subsidence", "alert", "alarm", "temporal", "inverse velocity", "trend", "early warning", "vector", "sliding",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SERIES
-    BASIC = ("ground", "rasters_each_survey", "cell", "minimum_area", "overwrite")
+    BASIC = BASIC["series"]
     NUMBERS: ClassVar = {
         "EPOCH_COUNT": ("epoch_count", "Number of surveys"),
         "ZONE_COUNT": ("zone_count", "Number of zones"),

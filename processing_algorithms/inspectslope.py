@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingException
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance, is_point_cloud_layer_possible, load_on_completion
@@ -41,7 +42,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         "earthworks", "whole workflow", "compare two surveys", "displacement", "sliding",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.INSPECT
-    BASIC = ("cell", "minimum_area", "screen_last_epoch", "overwrite")
+    BASIC = BASIC["inspect"]
     OPTION_NAMES: ClassVar = {"epoch": "REFERENCE"}
     NUMBERS: ClassVar = {
         **CHANGE_NUMBERS,

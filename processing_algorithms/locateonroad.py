@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingParameterFeatureSource, QgsProcessingParameterVectorDestination
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.compat import ANY_SHAPE
 from ..plugin.bridge.engine_client import EngineResult
@@ -40,7 +41,7 @@ class LocateOnRoad(SlopeWatchAlgorithm):
         "milepost", "offset", "side", "route", "road", "axis", "zones", "asset",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.LOCATE
-    BASIC = ("chainage_start", "chainage_direction", "chainage_unit", "chainage_style", "route_name", "overwrite")
+    BASIC = BASIC["locate"]
     OPTION_NAMES: ClassVar = {"layer": "INPUT"}
     NUMBERS: ClassVar = {
         "FEATURES": ("features", "Number of features"),

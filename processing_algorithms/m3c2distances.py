@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, ClassVar
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance
@@ -62,7 +63,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
         "cloud to cloud", "C2C", "cloud comparison",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.M3C2
-    BASIC = ("ground", "normal_scale", "projection_scale")
+    BASIC = BASIC["m3c2"]
     NUMBERS: ClassVar = {
         "CORE_POINTS": ("core_points", "Core points"),
         "MEASURED_POINTS": ("measured_points", "Core points with a level of detection"),

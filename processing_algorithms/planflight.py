@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingParameterFeatureSource, QgsProcessingParameterMultipleLayers
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.compat import FILES, POLYGON
 from ..plugin.bridge.engine_client import EngineResult
@@ -76,7 +77,7 @@ class PlanFlight(SlopeWatchAlgorithm):
         "side overlap", "terrain following", "battery", "KML",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.PLANFLIGHT
-    BASIC = ("altitude", "flying_speed", "field_of_view", "side_overlap", "pulse_rate", "scan_pattern")
+    BASIC = BASIC["planflight"]
     NUMBERS: ClassVar = {
         "LINE_COUNT": ("line_count", "Number of lines"),
         "LINE_LENGTH": ("line_length_m", "Length of the lines (m)"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any, ClassVar
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance
@@ -55,10 +56,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
         "classification", "zones", "anomaly", "single survey",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SCREEN
-    BASIC = (
-        "screening_method", "ground", "minimum_probability", "minimum_hazard_area", "probability_cell", "false_zones",
-        "self_test",
-    )  # fmt: skip
+    BASIC = BASIC["screen"]
     OPTION_NAMES: ClassVar = {"raster": "PROBABILITY", "method": "SCREENING_METHOD"}
     NUMBERS: ClassVar = {
         "ZONE_COUNT": ("zone_count", "Number of hazard zones"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.styling import Appearance
 from . import products
@@ -33,18 +34,7 @@ class SimulateSeries(SimulationAlgorithm):
     PARAMETER_GROUPS = command_sets.SIMULATE_SERIES
     KIND = "series"
     FOLDER_HELP = "Receives the surveys, a manifest, the region of interest and the truth."
-    BASIC = (
-        "seed",
-        "points",
-        "length",
-        "height",
-        "surveys",
-        "interval",
-        "velocities",
-        "motion",
-        "onset",
-        "overwrite",
-    )
+    BASIC = BASIC["simulate series"]
     PRODUCTS = _PRODUCTS
     LAYERS = "SlopeWatch simulated series"
     FILES: ClassVar = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.styling import Appearance
 from . import products
@@ -50,18 +51,7 @@ class SimulateSurvey(SimulationAlgorithm):
     PARAMETER_GROUPS = command_sets.SIMULATE_SURVEY
     KIND = "survey"
     FOLDER_HELP = "Receives both surveys, the region of interest and the truth."
-    BASIC = (
-        "seed",
-        "points",
-        "length",
-        "height",
-        "angle",
-        "vegetation",
-        "amplitude",
-        "motion",
-        "grass",
-        "overwrite",
-    )
+    BASIC = BASIC["simulate survey"]
     PRODUCTS = _PRODUCTS
     LAYERS = "SlopeWatch simulated survey"
     FILES: ClassVar = {

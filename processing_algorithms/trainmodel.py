@@ -10,6 +10,7 @@ from qgis.core import (
     QgsProcessingParameterMultipleLayers,
 )
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from ..plugin.bridge.compat import FILES
 from ..plugin.bridge.engine_client import EngineResult
@@ -28,7 +29,7 @@ class TrainModel(SlopeWatchAlgorithm):
         "RandLA-Net", "calibration", "cross-validation",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.TRAIN
-    BASIC = ("start", "dimension", "classes", "class_field", "steps", "minutes", "folds", "overwrite")
+    BASIC = BASIC["train"]
     FILES: ClassVar = {
         "WEIGHTS": ("weights", "Weights"),
         "DESCRIPTION": ("description", "Description of the weights"),

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from qgis.core import QgsProcessingException
 
+from ..interface.command_list import BASIC
 from ..interface.parameters import command_sets
 from . import declare
 from .base import SlopeWatchAlgorithm
@@ -25,7 +26,7 @@ class WriteReport(SlopeWatchAlgorithm):
         "signature",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.REPORT
-    BASIC = ("zone_profiles", "pdf", "slope_name", "report_route", "client", "author", "checker")
+    BASIC = BASIC["report"]
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
         "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),

@@ -208,10 +208,10 @@ WORDS = (
     "reached", "kept", "withdrawn", "Fastest", "Compared", "accelerating", "decelerating", "irregular",
     "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
     "motion", "both",
-    "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
+    "Commands", "Examples", "Files", "Parameters", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""
-LEFT_OUT = ("lab/making", "interface/language")
+LEFT_OUT = ("interface/language",)
 CATALOGUE = ROOT / "interface" / "language" / "zh_CN.po"
 NOT_SHOWN = "#. not shown"
 _LABEL = re.compile(r"[A-Z][a-z]{2,}(?:-[a-z]+)*…?")

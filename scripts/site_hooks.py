@@ -41,7 +41,8 @@ def described() -> Iterator[str]:
 def one(name: str, command: click.Command) -> Iterator[str]:
     """One command."""
     yield f"### slopewatch {name}\n"
-    yield f"*{TITLES[name]}* in QGIS. {' '.join((command.help or '').split())}\n"
+    title = f"*{TITLES[name]}* in QGIS. " if name in TITLES else ""
+    yield f"{title}{' '.join((command.help or '').split())}\n"
     yield "| option | what it does |\n|---|---|"
     for parameter in command.params:
         if isinstance(parameter, click.Option) and not parameter.hidden:

@@ -83,7 +83,7 @@ def run_session(
     """Run a session of this folder in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
 
     Args:
-        plugin: the folder of the plugin, which has ``scripts``, too; None for a QGIS without it.
+        plugin: the folder of the plugin, which has ``lab``, too; None for a QGIS without it.
         variables: of QGIS's environment, in addition.
         language: of QGIS's interface.
 
@@ -105,11 +105,11 @@ def run_session(
     )
     environment = {**private_profile(folder / "profile", plugin, language), **(variables or {})}
     environment["SLOPEWATCH_DESKTOP"] = str(task)
-    session = str(ROOT / "scripts" / script)
+    session = str(ROOT / "lab" / "sessions" / script)
     if plugin is None:  # the session's own module is not to be had from the plugin
         environment["PYTHONPATH"] = str(folder / "modules")
         (folder / "modules").mkdir()
-        shutil.copy(ROOT / "scripts" / "qgis_session.py", folder / "modules")
+        shutil.copy(ROOT / "lab" / "sessions" / "qgis_session.py", folder / "modules")
     words_file = folder / "words.txt"
     process = subprocess.Popen(
         ["xvfb-run", "-a", "-s", f"-screen 0 {screen}", "qgis", "--nologo", "--noversioncheck", "--code", session],
@@ -233,7 +233,7 @@ def setup(target: Path, folder: Path) -> None:
     plugin, archive = folder / "zip" / "slopewatch", folder / "plugin.zip"
     subprocess.run(["bash", str(ROOT / "scripts" / "package.sh"), str(archive)], check=True)
     shutil.unpack_archive(archive, folder / "zip")
-    (plugin / "scripts").symlink_to(ROOT / "scripts")
+    (plugin / "lab").symlink_to(ROOT / "lab")
     variables = {"SLOPEWATCH_DATA": str(folder / "data")}
     report = checked(
         run_session(

@@ -70,7 +70,7 @@ def make_whole_plugin(folder: Path, index: Path) -> Path:
     for name in ("plugin", "processing_algorithms", "interface"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "__init__.py", folder)
-    (folder / "scripts").symlink_to(ROOT / "scripts")  # the sessions that QGIS runs
+    (folder / "lab").symlink_to(ROOT / "lab")  # the sessions that QGIS runs
     make_plugin(folder)
     shutil.copy(ROOT / "metadata.txt", folder)
     wheels = [make_wheel(index, name, "1.0") for name in ("tiny_one", "tiny_two")]

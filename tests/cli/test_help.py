@@ -10,10 +10,11 @@ import click
 import pytest
 from click.testing import CliRunner
 from slopewatch.cli.examples import EXAMPLES
-from slopewatch.cli.help_pages import FILES, RUNNING
+from slopewatch.cli.help_pages import FILES, PARAMETERS, RUNNING
 from slopewatch.cli.program import cli
-from slopewatch.interface.command_list import COMMANDS, OTHERS
-from slopewatch.interface.parameters import command_sets
+from slopewatch.interface.command_list import BASIC, COMMANDS, OTHERS
+from slopewatch.interface.parameters import ParameterError, command_sets
+from slopewatch.interface.settings_file import read_assignments
 
 _HEADING = re.compile(r"^(\w[\w ,]+):$", re.MULTILINE)
 
@@ -29,6 +30,13 @@ def commands(group: click.Group = cli, before: str = "") -> Iterator[tuple[str, 
 EVERY = dict(commands())
 
 
+def every(*words: str) -> str:
+    """The list of all parameters of a command."""
+    done = CliRunner().invoke(cli, ["parameters", *words])
+    assert done.exit_code == 0
+    return done.output
+
+
 def page(*words: str) -> str:
     done = CliRunner().invoke(cli, [*words, "--help"])
     assert done.exit_code == 0
@@ -38,9 +46,59 @@ def page(*words: str) -> str:
 @pytest.mark.parametrize("name", EVERY)
 def test_options_stand_under_headings_in_the_workflows_order(name: str) -> None:
     titles = list(dict.fromkeys(group.title for group in _groups(name)))
-    headings = _HEADING.findall(page(*name.split()))
+    headings = _HEADING.findall(every(*name.split()))
     files = [FILES] if FILES in headings else []
-    assert headings == [*files, *titles, RUNNING, "Examples"]
+    assert headings == [*files, *titles, RUNNING]
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_help_is_short_and_says_where_the_rest_is(name: str) -> None:
+    shown = page(*name.split())
+    parts = dict(zip(_HEADING.findall(shown), _HEADING.split(shown)[2::2], strict=True))
+    options = re.findall(r"^  --(?:no-)?([\w-]+)", parts.get(PARAMETERS, ""), re.MULTILINE)
+    assert len(options) <= 15
+    own = [s.option for group in _groups(name) for s in group.specifications()]
+    assert set(options) <= set(own)
+    left = len(set(own)) - len(options)
+    assert (f"{left} more parameters: slopewatch parameters {name}" in shown) is (left > 0)
+    assert len(shown.splitlines()) <= 85
+
+
+@pytest.mark.parametrize("name", BASIC)
+def test_basic_parameters_are_those_of_the_command(name: str) -> None:
+    assert len(BASIC[name]) <= 15
+    assert set(BASIC[name]) <= {s.name for group in _groups(name) for s in group.specifications()}
+
+
+def test_a_command_that_is_not_there_has_no_parameters() -> None:
+    for words, said in ((("nothing",), "No such command"), (("simulate",), "survey, series, scenes")):
+        done = CliRunner().invoke(cli, ["parameters", *words])
+        assert (done.exit_code, said in done.output) == (2, True)
+
+
+def test_parameters_are_set_by_name_or_by_group_and_name() -> None:
+    groups = command_sets.CHANGE
+    texts = [
+        "cell=0.2",
+        "change.confidence = 0.9",
+        "zones.minimum-area=2",
+        "calibrate=no",
+        "cell=auto",
+        "memory_limit=2",
+    ]
+    found = read_assignments(texts, groups)
+    assert found == {"cell": "auto", "confidence": 0.9, "minimum_area": 2.0, "calibrate": False, "memory_limit": 2.0}
+    for text, said in (
+        ("cel=1", "it may mean cell"),
+        ("cell", "it may mean cell"),
+        ("zones.cell=1", "it may mean cell"),
+        ("what=1", "NAME=VALUE"),
+        ("cell=wide", "give a number"),
+        ("calibrate=perhaps", "true or false"),
+        ("overwrite=yes", "names no parameter"),
+    ):
+        with pytest.raises(ParameterError, match=said):
+            read_assignments([text], groups)
 
 
 def _groups(name: str) -> command_sets.Sets:
@@ -49,7 +107,7 @@ def _groups(name: str) -> command_sets.Sets:
 
 
 def test_every_option_stands_under_the_heading_of_its_set() -> None:
-    shown = page("inspect")
+    shown = every("inspect")
     parts = dict(zip(_HEADING.findall(shown), _HEADING.split(shown)[2::2], strict=True))
     for group in command_sets.INSPECT:
         for specification in group.specifications():

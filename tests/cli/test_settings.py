@@ -65,3 +65,18 @@ def test_a_run_is_repeated_with_its_record(tmp_path: Path) -> None:
         f"Error: {tmp_path / 'none.json'} does not exist; give a run.json, or a JSON or TOML file of settings.\n",
     )
     assert not (tmp_path / "c").exists()
+
+
+def test_set_overrides_the_file_and_an_option_overrides_set(tmp_path: Path) -> None:
+    clouds = write_sunk_slope(tmp_path / "2024-05-01.laz"), write_sunk_slope(tmp_path / "2025-05-01.laz", lowered=0.2)
+    (tmp_path / "mine.toml").write_text("cell = 1\nconfidence = 0.9\nminimum_area = 4\n")
+    words = ("--settings", tmp_path / "mine.toml", "--set", "change.cell=0.5", "--set", "confidence=0.8")
+    done = run("change", *clouds, "--output-dir", tmp_path / "a", *words, "--confidence", 0.7)
+    assert done.returncode == 0, done.stderr
+    parameters = json.loads((tmp_path / "a" / "run.json").read_text())["parameters"]
+    change, zones = parameters["change"], parameters["zones"]
+    assert (change["cell"], change["confidence"], zones["minimum_area"]) == (0.5, 0.7, 4.0)
+    refused = run("change", *clouds, "--output-dir", tmp_path / "b", "--set", "cel=1")
+    assert (refused.returncode, refused.stderr) == (
+        2, "Error: --set cel=1 names no parameter of this command; it may mean cell.\n",
+    )  # fmt: skip

@@ -13,7 +13,7 @@ from slopewatch.plugin.slopewatch_plugin import MENU
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "tutorial.md"
-SESSION = ROOT / "scripts" / "tutorial_session.py"
+SESSION = ROOT / "lab" / "sessions" / "tutorial_session.py"
 OF_QGIS = {"Plugins", "Manage and Install Plugins", "Install from ZIP", "Project", "Save", "Run", "Close", "Log"} | {
     "Layer", "Add Layer", "Add Raster Layer…", "Processing Toolbox", "Results Viewer", "…", "Layers", "New",
 }  # fmt: skip

@@ -44,9 +44,9 @@ def test_zip_leaves_out_what_qgis_refuses_and_users_do_not_need(plugin_zip):
     for name in plugin_zip.namelist():
         path = PurePosixPath(name)
         assert path.suffix not in {".sh", ".so", ".pyc", ".dll", ".exe", ".dylib", ".pyd", ".whl", ".zip", ".bat"}, name
-        assert not {"tests", "__pycache__", ".ci", "scripts", "benchmarks"} & set(path.parts), name
+        assert not {"tests", "__pycache__", ".ci", "scripts", "lab", "docs"} & set(path.parts), name
         assert not any(part.startswith(".") for part in path.parts), name
-    assert sum(entry.compress_size for entry in plugin_zip.infolist()) <= 20 * 1024 * 1024, "the repository takes 25 MB"
+    assert sum(entry.compress_size for entry in plugin_zip.infolist()) <= 4500 * 1024
 
 
 EXECUTABLE = (b"\x7fELF", b"MZ", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"#!/bin/")
@@ -160,7 +160,7 @@ def wheel(root, tmp_path_factory) -> zipfile.ZipFile:
     pytest.importorskip("setuptools")
     folder = tmp_path_factory.mktemp("wheel")
     for name in tracked(root, "--cached", "--others", "--exclude-standard"):
-        if name.split("/")[0] in (*PACKAGES, "benchmarks") or "/" not in name:
+        if name.split("/")[0] in (*PACKAGES, "lab") or "/" not in name:
             target = folder / "source" / name
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(root / name, target)
