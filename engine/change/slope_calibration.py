@@ -129,6 +129,32 @@ class Samples:
     half: NDArray[np.bool_] | None = None
 
 
+@dataclass(frozen=True)
+class _CellsToUse:
+    """Flat numbers of cells: ``compared`` ones, by which classes of slope are judged, and the ``stable`` ones of these.
+
+    ``bare``: only cells with little error by plants are among them. ``known`` is how many were compared at all.
+    """
+
+    compared: Index
+    stable: Index
+    bare: bool
+    known: int
+
+
+def _cells_to_use(samples: Samples, independent: float) -> _CellsToUse:
+    """The cells that show their sampling error, if there are enough; else all."""
+    dz, sampling = samples.dz.ravel(), samples.sampling.ravel()
+    known = np.flatnonzero(np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0))
+    little = known
+    if samples.plants is not None:
+        little = known[samples.plants.ravel()[known] <= _MAX_PLANT_RATIO * sampling[known]]
+    stable = samples.stable.ravel()
+    bare = len(little) == len(known) or int(np.count_nonzero(stable[little])) * independent >= _MIN_CLASS_CELLS
+    compared = little if bare else known
+    return _CellsToUse(compared, compared[stable[compared]], bare, len(known))
+
+
 def calibrate(
     samples: Samples, *, registration_error: float, confidence: float, independent: float = 1.0
 ) -> ErrorModel:
@@ -154,24 +180,14 @@ def calibrate(
         independent: share of the cells that are independent, above 0: below 1 where neighbours share
             points. What is asked of numbers of cells is asked of so many of them.
     """
-    dz, sampling, half = samples.dz, samples.sampling, samples.half
-    known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
-    all_at, chosen = samples.slope[known], samples.stable[known]
-    plant = np.zeros(all_at.size) if samples.plants is None else samples.plants[known]
-    little = plant <= _MAX_PLANT_RATIO * sampling[known]
-    compared = all_at.size
-    of_half = None if half is None else half[known]
-    bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) * independent >= _MIN_CLASS_CELLS
-    if bare:
-        # classes are judged by what there is of such cells in them
-        chosen, all_at, plant = chosen[little], all_at[little], plant[little]
-        of_half = None if of_half is None else of_half[little]
-        known = known.copy()
-        known[known] = little
-    dz, sampling, at, plant = dz[known][chosen], sampling[known][chosen], all_at[chosen], plant[chosen]
-    of_half = None if of_half is None else of_half[chosen]
-    others = registration_error**2 + plant**2
-    cells, share = dz.size, dz.size / max(compared, 1)
+    cells_used = _cells_to_use(samples, independent)
+    stable, bare = cells_used.stable, cells_used.bare
+    dz, sampling, at = (values.ravel()[stable] for values in (samples.dz, samples.sampling, samples.slope))
+    all_at = samples.slope.ravel()[cells_used.compared]
+    of_half = None if samples.half is None else samples.half.ravel()[stable]
+    plant = 0.0 if samples.plants is None else samples.plants.ravel()[stable]
+    others = np.full(dz.size, registration_error**2) + plant**2
+    cells, share = dz.size, dz.size / max(cells_used.known, 1)
     shift = sample_quantile(dz, 0.5) if cells else 0.0
     spread = NORMALISED * sample_quantile(np.abs(dz - shift), 0.5) if cells else 0.0
     usual = float(np.sqrt(np.median(others))) if cells else registration_error

@@ -196,11 +196,11 @@ def _ground_of(
     """The ground among points (n, 3), of which those at ``index`` take part as ``low`` (m, 4)."""
     judged = in_tiles(low, partial(_judged, windows=windows), TILE_M, MARGIN_M, windows.side)
     ground, bare = (np.zeros(len(xyz), dtype=bool) for _ in range(2))
-    ground[index], bare[index] = judged[:, 1] > 0, judged[:, 2] > 0
-    known = np.column_stack([height[index] - judged[:, 0], judged[:, 3:]])
+    ground[index], bare[index] = judged["ground"], judged["bare"]
+    known = np.column_stack([height[index] - judged["height"], judged["plant_error"], judged["plant_height"]])
     offset, error, plants = _everywhere(xyz, index, known, windows.side, corner).T
     over = height - offset
-    over[index] = judged[:, 0]
+    over[index] = judged["height"]
     return LayeredGround(over, ground, bare, error, plants, windows.scatter, windows.threshold)
 
 
@@ -239,11 +239,12 @@ def plant_error(layers: Layers, wider: float) -> Float:
     return PLANT_ERROR_M * wider**3 * np.sqrt(1.0 + ENOUGH_GROUND * plants / taken)
 
 
-def _judged(points: Float, windows: Windows) -> Float:
-    """(n, 5) height over the ground, ground, bare, plant error and plant height of points (n, 3).
+_JUDGED = np.dtype([("height", "f8"), ("ground", "?"), ("bare", "?"), ("plant_error", "f8"), ("plant_height", "f8")])
+"""What becomes of a return: metres over the ground, and of the plants there."""
 
-    ``points`` are x, y, the height over the triangles and that in the frame.
-    """
+
+def _judged(points: Float, windows: Windows) -> NDArray[np.void]:
+    """(n,) ``_JUDGED`` of points (n, 4): x, y, the height over the triangles and that in the frame."""
     low = np.floor(least(points[:, :2]) / windows.side) * windows.side
     planes = Planes((points[:, :2] - low) / windows.side)
     stretch = _stretch(points[:, 3] - points[:, 2], planes, windows.side)
@@ -294,7 +295,10 @@ def _judged(points: Float, windows: Windows) -> Float:
         )
         ground, bare = ground | found, bare | found
         height, error = np.where(found, over / stretch, height), np.where(found, 0.0, error)
-    return np.column_stack([height * stretch, ground, bare, error, np.maximum(each(layers.median), 0.0)])
+    judged = np.empty(len(points), dtype=_JUDGED)
+    judged["height"], judged["ground"], judged["bare"] = height * stretch, ground, bare
+    judged["plant_error"], judged["plant_height"] = error, np.maximum(each(layers.median), 0.0)
+    return judged
 
 
 def _stretch(surface: Float, planes: Planes, side: float) -> Float:
