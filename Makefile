@@ -10,9 +10,17 @@ CHECK := $(if $(wildcard $(PYTHON)),.venv/bin/)
 ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/engine tests/models tests/simulation tests/workflows tests/cli \
 	tests/refusals tests/trust tests/accuracy tests/scripts tests/lab)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
-TYPED := interface engine models simulation workflows cli api library lab.benchmarks lab.making
+TYPED := interface engine models simulation workflows cli api library
 FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core tests/engine/statistics tests/engine/geometry tests/engine/crs \
 	tests/engine/grid tests/engine/epochs tests/engine/vector)
+# Of the packages named. The link is the name under which mypy finds them.
+define STYLE
+	mkdir -p .setup/package && ln -sfn "$(CURDIR)" .setup/package/slopewatch
+	$(CHECK)python -m ruff check .
+	$(CHECK)python -m ruff format --check .
+	MYPYPATH=.setup/package $(CHECK)python -m mypy $(addprefix -p slopewatch.,$(1))
+	PYTHONPATH=.setup/package $(CHECK)lint-imports
+endef
 # More options for pytest: make test PYTEST="-k ground -x"
 PYTEST :=
 # Tests side by side, each process with one thread. Neighbours stay together, as they share clouds; a process that has
@@ -38,8 +46,9 @@ test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis
 	QT_QPA_PLATFORM=offscreen PYTHONPATH=/usr/share/qgis/python/plugins $(QGIS_PYTHON) -m pytest $(PARALLEL) --maxprocesses 4 \
 		$(PLUGIN_TESTS) $(PYTEST)
 
-check: lint  ## lint and the fast tests: needs `pip install -e .[dev]` alone, neither PDAL nor QGIS
-	$(ONE_THREAD) $(CHECK)python -m pytest -n auto --dist loadfile -m "not slow" $(FAST_TESTS) $(PYTEST)
+check:  ## Style, types and the fast tests: needs `pip install -e .[dev]` alone, neither PDAL nor QGIS
+	$(call STYLE,$(TYPED))
+	$(ONE_THREAD) $(CHECK)python -m pytest -m "not slow" $(FAST_TESTS) $(PYTEST)  # one process, which parses each file once
 
 fuzz: setup  ## Damaged files of every kind through the commands, for 20 minutes (FUZZ="--minutes 5 --seed 2")
 	$(ONE_THREAD) OMP_NUM_THREADS=1 nice -n 10 $(PYTHON) -m slopewatch.lab.fuzz --minutes 20 $(FUZZ)
@@ -48,12 +57,8 @@ kills: setup  ## Commands killed at every rename and at random moments, full dis
 	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) lab/kills/kills_at_renames.py
 	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) lab/kills/kills.py $(KILLS)
 
-lint:  ## ruff, mypy and the layers of the packages
-	mkdir -p .setup/package && ln -sfn "$(CURDIR)" .setup/package/slopewatch  # the name under which mypy finds it
-	$(CHECK)python -m ruff check .
-	$(CHECK)python -m ruff format --check .
-	MYPYPATH=.setup/package $(CHECK)python -m mypy $(addprefix -p slopewatch.,$(TYPED))
-	PYTHONPATH=.setup/package $(CHECK)lint-imports
+lint:  ## ruff, mypy and the layers of the packages, the laboratory too
+	$(call STYLE,$(TYPED) lab.benchmarks lab.making)
 
 format:  ## Let ruff rewrite what it can
 	$(PYTHON) -m ruff check --fix .
