@@ -157,9 +157,9 @@ def _first_sentence(text: str) -> str:
 
 
 def _in_short(text: str) -> str:
-    """The first sentence of a text and its default."""
+    """The first clause of a text and its default."""
     words, bracket = re.fullmatch(r"(.*?)(\s*\[[^\[]*\])?", text, flags=re.DOTALL).groups()  # type: ignore[union-attr]
-    return re.split(r"(?<=[.])\s|(?<=。)", words)[0] + (bracket or "")
+    return re.split(r"(?<=[.])\s|(?<=。)|[;；]", words)[0] + (bracket or "")
 
 
 def _write_lists(

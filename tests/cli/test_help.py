@@ -61,7 +61,7 @@ def test_help_is_short_and_says_where_the_rest_is(name: str) -> None:
     assert set(options) <= set(own)
     left = len(set(own)) - len(options)
     assert (f"{left} more parameters: slopewatch parameters {name}" in shown) is (left > 0)
-    assert len(shown.splitlines()) <= 85
+    assert len(shown.splitlines()) <= 75
 
 
 @pytest.mark.parametrize("name", BASIC)
