@@ -35,9 +35,10 @@ from ..workflows.settings import DistanceSettings, groups
 from .elevation_change import Days, days_of
 from .given import Area, Cloud, Survey, area_of
 from .options import takes
+from .products import context_of, roles_of, writing
 from .registration import pair_of
 from .shown import listed_dataset, values_picture
-from .written import context_of, roles_of, write_survey, writing
+from .written import write_survey
 
 if TYPE_CHECKING:
     import xarray

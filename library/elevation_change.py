@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date
@@ -20,17 +21,15 @@ from ..engine.core.progress import Progress
 from ..engine.epochs.comparability import refuse_other_heights
 from ..engine.epochs.epoch import parse_date
 from ..engine.maps.palette import colour_limit
-from ..engine.zones.change_zones import change_zones
+from ..engine.zones.change_zones import change_zones, method_name
 from ..engine.zones.extraction import Zones
 from ..interface.parameters import AUTO, ChangeParameters, SurfaceParameters, ZoneParameters
 from ..workflows.given_values import Values
-from ..workflows.products.change import CHANGE_OUTPUTS, ON_REQUEST, method_name, write_products
-from ..workflows.settings import Settings, groups
+from ..workflows.settings import Settings
 from .given import Area, Cloud, Survey, area_of
 from .options import takes
 from .registration import pair_of
 from .shown import raster_dataset, raster_picture
-from .written import context_of, roles_of, writing
 
 if TYPE_CHECKING:
     import xarray
@@ -97,20 +96,8 @@ class ElevationChange:
 
     def write(self, folder: str | Path, *, overwrite: bool = False) -> Mapping[str, Path]:
         """Write what ``slopewatch change`` writes: GeoTIFFs, zones, heatmap, report; the paths by name."""
-        recorded = groups(self.parameters, "surface", "change", "zones", "heatmap", "report", "details")
-        names = (*CHANGE_OUTPUTS, *ON_REQUEST)
-        later = self.surveys[1]
-        with writing(
-            "change", folder, recorded, names, roles_of(self.surveys, self.days), self.warnings, overwrite=overwrite
-        ) as run:
-            method = method_name(self.parameters.change, self.result.direction)
-            context = context_of(run, self.surveys, self.days, method)
-            run.facts["run_id"] = context.run_id
-            if later.registration is not None:
-                run.facts["transform"] = later.registration.transform.matrix
-                run.facts["registration"] = later.registration.stated()
-            write_products(run, self.result, later.points, context, self.parameters)
-        return run.outputs
+        products = importlib.import_module(".products", __package__)  # reports need much that nothing else does
+        return dict(products.write_change(self, folder, overwrite=overwrite))
 
 
 def days_of(dates: tuple[str | date | None, str | date | None], surveys: tuple[Survey, Survey]) -> Days:

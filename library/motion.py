@@ -32,9 +32,9 @@ from ..workflows.settings import DisplacementSettings, groups
 from .elevation_change import Days, days_of
 from .given import Area, Cloud, Survey, area_of
 from .options import takes
+from .products import context_of, roles_of, writing
 from .registration import pair_of
 from .shown import axes_or_new, raster_dataset
-from .written import context_of, roles_of, writing
 
 if TYPE_CHECKING:
     import xarray

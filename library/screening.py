@@ -26,8 +26,9 @@ from ..workflows.products.screening import Pictured, default_targets, write_prod
 from ..workflows.settings import ScreeningSettings, groups
 from .given import Cloud, Survey, survey_of
 from .options import takes
+from .products import writing
 from .shown import raster_dataset, raster_picture
-from .written import Dimensions, hash_of, write_survey, writing
+from .written import Dimensions, hash_of, write_survey
 
 if TYPE_CHECKING:
     import xarray

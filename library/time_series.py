@@ -42,9 +42,10 @@ from ..workflows.series import method_of, series_facts, write_products, zone_fac
 from ..workflows.settings import SeriesSettings, groups
 from .given import Area, Cloud, Survey, area_of, ground_survey
 from .options import takes
+from .products import roles_of, writing
 from .registration import Registration, refuse_other_systems, registered
 from .shown import raster_dataset, raster_picture, stacked
-from .written import hash_of, roles_of, writing
+from .written import hash_of
 
 if TYPE_CHECKING:
     import xarray

@@ -19,6 +19,7 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.header import preflight
 from ..engine.pointcloud.in_parts import CloudFile
 from ..engine.pointcloud.reading import open_cloud, read_cloud
+from ..engine.zones.change_zones import method_name
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
@@ -28,7 +29,7 @@ from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .movement import Surveys, moved_zones_of
 from .pair import SPOOL, Cloud, compare_pair, dated_pair, ground_of, ground_on_disk, is_large, stable_area
-from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
+from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, write_products
 from .products.objects import Classified, write_objects
 from .run import Run
 from .settings import Settings, groups

@@ -33,6 +33,7 @@ from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.registration.result import RegistrationResult
 from ..engine.report.compose import REPORT
 from ..engine.vector.corrections import Corrections
+from ..engine.zones.change_zones import method_name
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .corrections import corrections_of
@@ -56,7 +57,7 @@ from .pair import (
     register_pair,
     stable_area,
 )
-from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
+from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, write_products
 from .products.displacement import DISPLACEMENT_OUTPUTS
 from .products.objects import Classified, write_objects
 from .run import Run

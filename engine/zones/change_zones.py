@@ -7,7 +7,7 @@ from datetime import date
 import numpy as np
 from pyproj import CRS
 
-from ...interface.parameters import ZoneParameters
+from ...interface.parameters import ChangeParameters, ZoneParameters
 from ..change.result import Change
 from ..statistics.normal import quantile
 from .extraction import Origin, Zones, extract_zones
@@ -36,6 +36,12 @@ def change_zones(
         registration_error=change.registration_error,
         origin=Origin(epochs, method, run_id),
     )
+
+
+def method_name(parameters: ChangeParameters, direction: str) -> str:
+    """How the change was taken, and along which ``direction``, for the zones' column ``method``."""
+    cells = "cells that grow" if parameters.grows else parameters.cell_value
+    return f"grid difference ({cells}, {direction})"
 
 
 def detected_of(change: Change) -> Detected:

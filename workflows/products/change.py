@@ -36,7 +36,7 @@ from ...engine.zones.movement import MOVEMENTS
 from ...engine.zones.not_seen import not_seen_frame
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
-from ...interface.parameters import ChangeParameters, HeatmapParameters, given
+from ...interface.parameters import HeatmapParameters, given
 from ...interface.seen import RASTER
 from ..run import Run
 from ..settings import Settings
@@ -97,12 +97,6 @@ class Context:
             software=f"SlopeWatch {VERSION}",
             input_sha256=" ".join(self.input_hashes),
         )
-
-
-def method_name(parameters: ChangeParameters, direction: str) -> str:
-    """How the change was taken, and along which ``direction``, for the zones' column ``method``."""
-    cells = "cells that grow" if parameters.grows else parameters.cell_value
-    return f"grid difference ({cells}, {direction})"
 
 
 def write_products(
