@@ -34,7 +34,8 @@ FILE_TEXTS = {
 }  # fmt: skip
 """Texts that name a file, and how."""
 WORDS = {
-    "actions", "author", "velocities", "centreline_layer", "chainage_range", "checker", "class_field", "client", "crs",
+    "actions", "assignments", "author", "velocities", "centreline_layer", "chainage_range", "checker", "class_field", "client", "command",
+    "crs",
     "dashboard_address", "email", "epoch_from", "epoch_to", "flight_dates", "flying_height", "formats", "label_field",
     "labels", "layer", "licence", "metadata_title", "organisation", "orientation", "picture_address", "profile_field",
     "project_title", "report_remarks", "report_route", "route_name", "schema", "sensor", "slope_name",
@@ -71,6 +72,7 @@ SOUND: dict[str, dict[str, str]] = {
     "train": {"clouds": "cloud", "polygons": "area", "output_dir": "out"},
     **{f"simulate {name}": {"output_dir": "out"} for name in ("survey", "series", "scenes")},
     "check": {},
+    "parameters": {},
 }
 """What each command needs besides the option that is tried: parameter and kind of file; after = it is a text."""
 _WITH = {"field_names": {"centreline": "line"}}

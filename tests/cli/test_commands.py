@@ -30,7 +30,7 @@ def clouds(tmp_path_factory) -> tuple[Path, Path]:
 
 
 def test_help_shows_every_parameter_with_its_unit_and_default():
-    shown = " ".join(run("ground", "--help").stdout.split())
+    shown = " ".join(run("parameters", "ground").stdout.split())
     for specification in GroundParameters.specifications():
         assert f"--{specification.option}" in shown
     resolution = next(s for s in GroundParameters.specifications() if s.name == "cloth_resolution")
@@ -226,7 +226,7 @@ def test_circles_are_looked_for_seldom():
 
 
 def test_whole_numbers_are_no_yes_or_no_in_the_help():
-    shown = " ".join(run("ground", "--help").stdout.split())
+    shown = " ".join(run("parameters", "ground").stdout.split())
     assert "[default: 1, 1 to 3]" in shown
     assert "[default: yes]" in shown
 

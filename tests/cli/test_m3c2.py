@@ -31,12 +31,12 @@ def pair(tmp_path_factory) -> list[Path]:
 
 
 def test_help_shows_every_parameter():
-    shown = " ".join(run("m3c2", "--help").stdout.split())
+    shown = " ".join(run("parameters", "m3c2").stdout.split())
     for specification in DistanceParameters.specifications():
         assert f"--{specification.option}" in shown
     for option in ("--output", "--output-dir", "--core", "--transform", "--stable", "--epoch-from", "--epoch-to"):
         assert option in shown
-    assert "Ground that slides along the surface is not detected" in shown
+    assert "Ground that slides along the surface is not detected" in " ".join(run("m3c2", "--help").stdout.split())
 
 
 def test_progress_result_and_outputs(pair, tmp_path):

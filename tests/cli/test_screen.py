@@ -20,7 +20,7 @@ def cloud(tmp_path_factory) -> Path:
 
 
 def test_help_shows_every_parameter():
-    shown = " ".join(run("screen", "--help").stdout.split())
+    shown = " ".join(run("parameters", "screen").stdout.split())
     for specification in ScreeningParameters.specifications():
         assert f"--{specification.option}" in shown
     for option in ("--output", "--zones", "--raster", "--smallest-hazard", "--map", "--roi", "--method"):

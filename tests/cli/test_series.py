@@ -90,8 +90,9 @@ def test_wrong_use_is_one_sentence(folder, tmp_path):
 
 
 def test_help_shows_every_parameter():
-    shown = " ".join(run("series", "--help").stdout.split())
+    shown = " ".join(run("parameters", "series").stdout.split())
     for specification in SeriesParameters.specifications():
         assert f"--{specification.option}" in shown
+    shown = " ".join(run("series", "--help").stdout.split())
     assert "FOLDER" in shown
     assert "it is no alarm" in shown

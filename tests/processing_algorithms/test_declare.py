@@ -145,7 +145,7 @@ def test_screening_shows_few_parameters_at_first(qgis_app: QgsApplication) -> No
 def test_the_command_line_has_the_dialogs_parameters(algorithm: SlopeWatchAlgorithm) -> None:
     python = engine_python()
     done = subprocess.run(
-        [python, "-m", "slopewatch.cli", *COMMANDS[algorithm.name()], "--help"],
+        [python, "-m", "slopewatch.cli", "parameters", *COMMANDS[algorithm.name()]],
         capture_output=True,
         text=True,
         check=True,

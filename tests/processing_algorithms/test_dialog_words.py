@@ -25,7 +25,7 @@ NOT_IN_THE_DIALOG = {
     "registerepochs": {"apply", "invert"}, "inspectseries": {"epoch"}, "m3c2distances": {"output-dir"},
     "createproject": {"settings"},  # it runs no command of the engine
 }  # fmt: skip
-ONLY_TERMINAL = {"language", "help", "progress", "watch-parent", "debug"}
+ONLY_TERMINAL = {"language", "help", "progress", "watch-parent", "debug", "set"}
 # Arguments of other programs, and beginnings of options that are put together.
 DASK_WORKERS_OPTIONS = {"host", "resources", "worker-class"}
 NO_OPTIONS = {"stdin", "temporary-folder", "version", "no-", "json"} | DASK_WORKERS_OPTIONS
@@ -110,8 +110,8 @@ def test_the_plugins_own_sentences_name_labels_too() -> None:
 
 
 def options_of(algorithm: str) -> set[str]:
-    """The options that the command's help offers."""
-    command = [engine_python(), "-m", "slopewatch.cli", *COMMANDS[algorithm], "--help"]
+    """The options that the list of the command's parameters offers."""
+    command = [engine_python(), "-m", "slopewatch.cli", "parameters", *COMMANDS[algorithm]]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env={"PYTHONUTF8": "1"})
     rows = re.findall(r"^  (?:-h, )?(--[a-z].*?)(?:  |$)", done.stdout, re.MULTILINE)
     found = {option for row in rows for option in re.findall(r"--([a-z][a-z0-9-]*)", row)}
