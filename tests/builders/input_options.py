@@ -34,8 +34,8 @@ FILE_TEXTS = {
 }  # fmt: skip
 """Texts that name a file, and how."""
 WORDS = {
-    "actions", "assignments", "author", "velocities", "centreline_layer", "chainage_range", "checker", "class_field", "client", "command",
-    "crs",
+    "actions", "assignments", "author", "velocities", "centreline_layer", "chainage_range", "checker", "class_field",
+    "client", "command", "crs",
     "dashboard_address", "email", "epoch_from", "epoch_to", "flight_dates", "flying_height", "formats", "label_field",
     "labels", "layer", "licence", "metadata_title", "organisation", "orientation", "picture_address", "profile_field",
     "project_title", "report_remarks", "report_route", "route_name", "schema", "sensor", "slope_name",
