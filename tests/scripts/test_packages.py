@@ -60,8 +60,9 @@ def test_zip_holds_no_program_under_any_name(plugin_zip):
 
 
 def test_zip_holds_what_its_own_help_names(plugin_zip):
-    """Relative links and pictures of the readme, the documents and the help."""
+    """Relative links and pictures; the readme and the changelog may also name documents of the repository."""
     names = set(plugin_zip.namelist())
+    of_repository = tuple(f"slopewatch/{name}" for name in ("docs/", "CONTRIBUTING.md", "SECURITY.md", "lab/"))
     checked = 0
     for name in sorted(names):
         if not name.endswith((".md", ".html")) or "/templates/" in name:
@@ -72,9 +73,10 @@ def test_zip_holds_what_its_own_help_names(plugin_zip):
         for target in (one.partition("#")[0] for one in found):
             if target and not re.match(r"[a-z]+:", target):
                 place = posixpath.normpath(posixpath.join(posixpath.dirname(name), target))
-                assert place in names or any(other.startswith(f"{place}/") for other in names), f"{name}: {target}"
+                there = place in names or any(other.startswith(f"{place}/") for other in names)
+                assert there or (name.endswith(".md") and place.startswith(of_repository)), f"{name}: {target}"
                 checked += 1
-    assert checked > 150
+    assert checked > 20
 
 
 def test_zip_holds_the_locks_and_no_tests_of_them(plugin_zip):
