@@ -73,7 +73,7 @@ def ground(
 ) -> Ground:
     """The ground under the vegetation of a raw survey (Zhang et al. 2016, doi:10.3390/rs8060501, and what follows it).
 
-    The same as ``slopewatch ground`` finds; flight strips are taken as they fit.
+    The same as ``slopewatch ground`` finds, with flight strips as surveyed.
 
     Parameters
     ----------

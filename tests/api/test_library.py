@@ -19,6 +19,7 @@ from slopewatch import api
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.interface.parameters import SurveyParameters, command_sets
 from slopewatch.simulation.surveys.survey import simulate_pair
+from slopewatch.tests.builders import screening_clouds
 from slopewatch.tests.builders.epoch_pairs import X, Y, slope, write
 from slopewatch.tests.builders.extracted_ground import write as write_raw
 from slopewatch.tests.builders.rough_ground import axes, relief, sampled
@@ -161,8 +162,11 @@ def test_a_series_knows_its_rate(tmp_path: Path) -> None:
 
 
 def test_screening_labels_what_was_given(tmp_path: Path) -> None:
-    xyz = slope(1, points=20_000)
-    labelled = slopewatch.screen(xyz, screening_method="residual", self_test=False)
+    xyz = screening_clouds.slope()
+    labelled = slopewatch.screen(xyz, screening_method="filter", self_test=False)
+    for place, label in ((screening_clouds.BULGE, 1), (screening_clouds.HOLLOW, 2)):
+        assert np.mean(labelled.labels[screening_clouds.near(xyz, place, 1.0)] == label) > 0.8
+    assert np.mean(labelled.labels == 0) > 0.7
     assert labelled.labels.shape == labelled.probability.shape == (len(xyz),)
     las = laspy.read(labelled.write(tmp_path)["labelled"])
     np.testing.assert_array_equal(las["slopewatch_class"], labelled.labels)
